@@ -20,10 +20,16 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Mapping
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
-from fluxlock.config import Inverter, Motor, Scenario, load_scenario
+import numpy as np
+
+from fluxlock.base.writable import check_folder
+from fluxlock.config import ConfigError, Inverter, Motor, Problem, Scenario, load_scenario
+from fluxlock.config.errors import SET_OPTION
 from fluxlock.config.loader import Override, changed
+from fluxlock.config.scenario import SEED_MAX
 from fluxlock.cosim.outcome import Run, finished, write_outcome
 from fluxlock.python_load import LoadFunction, PythonLoad, check_rotor
 from fluxlock.results.rundata import RunData
@@ -34,17 +40,55 @@ def scenario_of(scenario: Scenario | Path | str, overrides: Mapping[str, object]
 
     overrides: key -> value. Keys are those of the file, `drive.carrier_hz`, `motor.resistance_ohm`,
     `window.steady.to_s`; two underscores may stand for a dot. `motor` and `inverter` take a whole `Motor` and
-    `Inverter` too. Raises ConfigError with all problems.
+    `Inverter`, or the path of a file. Raises ConfigError with all problems.
 
     >>> scenario_of("scenarios/own-spindle.toml", {"motor.resistance_ohm": 0.2}).motor.resistance_ohm  # Ohm, phases
     (0.2, 0.2, 0.2)
     """
-    changes = [Override(tuple(key.replace("__", ".").split(".")), value) for key, value in (overrides or {}).items()]
-    if isinstance(scenario, Scenario):
-        return changed(scenario, changes) if changes else scenario
-    if any(isinstance(o.value, (Motor, Inverter)) for o in changes):
-        return changed(load_scenario(scenario), changes)
-    return load_scenario(scenario, changes)
+    keys = [(key.replace("__", ".").split("."), plain(value)) for key, value in (overrides or {}).items()]
+    changes = [Override(tuple(parts), value) for parts, value in keys]
+    try:
+        if isinstance(scenario, Scenario):
+            return changed(scenario, changes) if changes else scenario
+        if any(isinstance(o.value, (Motor, Inverter)) for o in changes):
+            return changed(load_scenario(scenario), changes)
+        return load_scenario(scenario, changes)
+    except ConfigError as error:  # no option has stated these keys
+        problems = [replace(p, file="") if p.file == SET_OPTION else p for p in error.problems]
+        raise ConfigError(problems) from None
+
+
+def plain(value: object) -> object:
+    """What a file would state: NumPy's numbers and arrays as Python's, a path as text."""
+    if isinstance(value, (np.generic, np.ndarray)):
+        return value.tolist()
+    if isinstance(value, (list, tuple)):
+        return type(value)(plain(part) for part in value)
+    return str(value) if isinstance(value, Path) else value
+
+
+def whole(name: str, value: object, low: int, high: int | None = None) -> int:
+    """An argument that must be a whole number from low to high; else ConfigError names it."""
+    number = plain(value)
+    if isinstance(number, bool) or not isinstance(number, int) or number < low or (high is not None and number > high):
+        to = "" if high is None else f" to {high}"
+        raise ConfigError([Problem(name, "", f"must be a whole number from {low}{to}, not {value!r}")])
+    return number
+
+
+def seed_of(scenario: Scenario, seed: int | None) -> int:
+    """The seed of a run: the scenario's unless one is given, which is checked."""
+    return scenario.seed if seed is None else whole("seed", seed, 0, SEED_MAX)
+
+
+def results_folder(folder: Path | str) -> Path:
+    """A folder for results, made before anything takes time; ConfigError where it cannot be written."""
+    try:
+        check_folder(Path(folder))
+    except OSError as error:
+        text = f"cannot be written: {error.strerror}; name another folder"
+        raise ConfigError([Problem("folder", str(folder), text)]) from None
+    return Path(folder)
 
 
 def simulate(
@@ -81,9 +125,9 @@ def simulate(
     load = PythonLoad(load_nm) if load_nm is not None else None
     if load is not None:
         check_rotor(loaded)
-    used_seed = loaded.seed if seed is None else seed
+    used_seed = seed_of(loaded, seed)
     with ExitStack() as stack:
-        out = Path(folder) if folder is not None else Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        out = results_folder(folder or stack.enter_context(tempfile.TemporaryDirectory()))
         data = _on_twin(loaded, used_seed, load) if twin else _on_chip(loaded, out, used_seed, progress, load)
         return finished(data, loaded) if folder is None else write_outcome(data, loaded, out, plots)
 

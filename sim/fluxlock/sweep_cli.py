@@ -85,8 +85,8 @@ def sweep(
             twin=twin, seed=seed, jobs=jobs, scheduler=scheduler, folder=folder, done=lambda _: bars.advance(task)
         )
     table = made.to_dataframe()
-    names = metrics_of(table, metric or [])
     table.to_parquet(folder / FILES[0])
+    names = metrics_of(table, metric or [])
     say(verdict(made))
     Console().print(printed(made, table, names))
     draw(made, table, names, folder / FILES[1])
@@ -113,7 +113,10 @@ def metrics_of(table: pandas.DataFrame, asked: list[str]) -> list[str]:
     unknown = [name for name in asked if name not in table.columns]
     if unknown:
         there = [name for name in table.columns if name.count(".") >= 2]
-        raise ConfigError([Problem("--metric", n, f"no such column{did_you_mean(n, there)}") for n in unknown])
+        names = ", ".join(there) or "none"
+        raise ConfigError(
+            [Problem("--metric", n, f"no such column{did_you_mean(n, there)}; there are: {names}") for n in unknown]
+        )
     found = [[column for column in table.columns if column.endswith(f".{name}")] for name in METRICS]
     return asked or [columns[-1] for columns in found if columns]
 

@@ -14,19 +14,19 @@ import json
 import math
 import tomllib
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fluxlock.api import scenario_of, simulate
+from fluxlock.api import plain, results_folder, scenario_of, seed_of, simulate, whole
 from fluxlock.base.paths import content_hash
-from fluxlock.base.writable import check_folder
 from fluxlock.config import ConfigError, Inverter, Motor, Problem, Scenario
 from fluxlock.config.errors import SET_OPTION
+from fluxlock.config.fields import Model
 from fluxlock.python_load import NAME, LoadFunction, PythonLoad
 from fluxlock.results.rundata import SimulationFault
 from fluxlock.workers import EXTRA, OtherVersion, WorkerLost, on_scheduler, side_by_side, sources
@@ -56,7 +56,7 @@ class Axis:
             form = "must have the form KEY=LOW:HIGH:COUNT, KEY=0.8x:1.2x:COUNT or KEY=A,B,C"
             raise ConfigError([Problem(SET_OPTION, text, form)])
         parts = stated.split(":")
-        if len(parts) == 3 and not stated.startswith(("[", "{", '"', "'")):
+        if len(parts) > 1 and not stated.startswith(("[", "{", '"', "'")):
             return _range(key, parts)
         return Axis(key, tuple(_words(key, stated)))
 
@@ -70,7 +70,7 @@ class Axis:
         numbers = base if isinstance(base, tuple) else (base,)
         if not all(isinstance(n, (int, float)) and not isinstance(n, bool) for n in numbers):
             text = "has no number in the file that a factor could multiply: give the values themselves"
-            raise ConfigError([Problem(SET_OPTION, self.key, text)])
+            raise ConfigError([Problem("", self.key, text)])
         scaled = [tuple(n * factor for n in numbers) for factor in self.values]
         return Axis(self.key, tuple(s[0] if len(set(numbers)) == 1 else s for s in scaled))  # as the file states it
 
@@ -78,16 +78,16 @@ class Axis:
 def _range(key: str, parts: Sequence[str]) -> Axis:
     relative = [part.strip().endswith("x") for part in parts[:2]]
     try:
-        low, high = (float(part.strip().removesuffix("x")) for part in parts[:2])
-        count = int(parts[2])
+        low, high = (float(part.strip().removesuffix("x")) for part in parts[:-1])
+        count = int(parts[-1])
     except ValueError:
         text = f"{':'.join(parts)} is no range of numbers LOW:HIGH:COUNT"
-        raise ConfigError([Problem(SET_OPTION, key, text)]) from None
+        raise ConfigError([Problem("", key, text)]) from None
     if relative[0] != relative[1]:
-        raise ConfigError([Problem(SET_OPTION, key, "both ends are factors, 0.8x:1.2x, or none is")])
+        raise ConfigError([Problem("", key, "both ends are factors, 0.8x:1.2x, or none is")])
     if not (np.isfinite(low) and np.isfinite(high) and 1 <= count <= POINTS_MAX):
         text = f"needs finite ends and a count from 1 to {POINTS_MAX}, not {':'.join(parts)}"
-        raise ConfigError([Problem(SET_OPTION, key, text)])
+        raise ConfigError([Problem("", key, text)])
     values = tuple(float(v) for v in np.linspace(low, high, count))
     whole = not relative[0] and all(part.strip().lstrip("+-").isdecimal() for part in parts[:2])
     return Axis(key, tuple(map(int, values)) if whole and all(v == int(v) for v in values) else values, relative[0])
@@ -100,7 +100,7 @@ def _words(key: str, stated: str) -> list[Any]:
     except tomllib.TOMLDecodeError:
         found = [_word(word.strip()) for word in stated.split(",")]
     if not found or "" in found:
-        raise ConfigError([Problem(SET_OPTION, key, f"{stated!r} holds an empty value")])
+        raise ConfigError([Problem("", key, f"{stated!r} holds an empty value")])
     return list(found)
 
 
@@ -142,17 +142,15 @@ class Grid:
         """
         empty = [axis.key for axis in axes if not axis.values]
         if empty:
-            raise ConfigError([Problem(SET_OPTION, key, "has no value: give it one at least") for key in empty])
+            raise ConfigError([Problem("", key, "has no value: give it one at least") for key in empty])
         made = tuple(axis.of(scenario) for axis in axes)
         count = math.prod(len(axis.values) for axis in made)
         if not made or not 1 <= count <= POINTS_MAX:
-            text = (
-                f"{count} points, permitted 1 to {POINTS_MAX}" if made else f"no key to change: {SET_OPTION} KEY=RANGE"
-            )
-            raise ConfigError([Problem(SET_OPTION, "", text)])
+            text = f"{count} points, permitted 1 to {POINTS_MAX}" if made else "no key to change: give one its values"
+            raise ConfigError([Problem("", "", text)])
         twice = sorted(key for key, n in Counter(axis.key for axis in made).items() if n > 1)
         if twice:
-            raise ConfigError([Problem(SET_OPTION, key, "is there twice; give it one range") for key in twice])
+            raise ConfigError([Problem("", key, "is there twice; give it one range") for key in twice])
         points, refused, problems = [], [], list[Problem]()
         for index, values in enumerate(itertools.product(*(axis.values for axis in made))):
             keys = tuple(zip((axis.key for axis in made), values, strict=True))
@@ -182,9 +180,10 @@ class Grid:
         if load is not None and folder is not None:
             text = f"results are kept by content, and what {load_nm!r} does is none: leave out folder, or the function"
             raise ConfigError([Problem(NAME, "", text)])
-        store = Path(folder) / "points" if folder is not None else None
-        if store is not None:
-            check_folder(store)
+        whole("jobs", jobs, 1)
+        if seed is not None and self.points:
+            seed = seed_of(self.points[0].scenario, seed)
+        store = results_folder(Path(folder) / "points") if folder is not None else None
         made_by, rows, left = sources(), [], []
 
         def kept(point: Point) -> Path | None:
@@ -281,7 +280,10 @@ class Sweep:
         return self.count(RIGHT) > 0 and self.count(FAILED) == self.count(BROKEN) == 0
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """One row a point: point, the keys, status, reason, then window.metric.statistic. Needs pandas."""
+        """One row a point: point, the keys, status, reason, then window.metric.statistic, whose unit ends the metric.
+
+        Raises ConfigError without pandas.
+        """
         try:
             import pandas
         except ImportError:
@@ -289,9 +291,26 @@ class Sweep:
         return pandas.DataFrame(self.rows).set_index("point")
 
 
+def axes_of(axes: Mapping[str, Sequence[Any] | str] | Sequence[Axis]) -> list[Axis]:
+    """Axes with plain values, of key -> values or of key -> a range in words; ConfigError for what is none."""
+    if not isinstance(axes, Mapping):
+        if not all(isinstance(axis, Axis) for axis in axes):
+            raise ConfigError([Problem("", "", f"must be a dict, key: values, not {axes!r}")])
+        return [replace(axis, values=tuple(map(plain, axis.values))) for axis in axes]
+    made = []
+    for key, values in axes.items():
+        if isinstance(values, str):
+            made.append(Axis.parse(f"{key}={values}"))
+        elif isinstance(values, Iterable) and not isinstance(values, (Mapping, Model)):
+            made.append(Axis(key, tuple(map(plain, values))))
+        else:
+            raise ConfigError([Problem("", key, f"must be a list of values, not {values!r}")])
+    return made
+
+
 def sweep(
     scenario: Scenario | Path | str,
-    axes: Mapping[str, Sequence[Any]] | Sequence[Axis],
+    axes: Mapping[str, Sequence[Any] | str] | Sequence[Axis],
     *,
     twin: bool = False,
     seed: int | None = None,
@@ -303,11 +322,12 @@ def sweep(
 ) -> Sweep:
     """Run a scenario at every point of a grid.
 
-    axes: key -> values, `{"motor.resistance_ohm": [0.1, 0.2]}`, or `Axis` objects. twin, seed: see `simulate`. jobs:
-    processes of this machine. scheduler: address of a Dask scheduler in place of them, `tcp://host:8786`; its workers
-    need the same version of Fluxlock. folder: keeps the results of points, so that an equal sweep does not run them
-    again. done: called with each row as it comes. load_nm: see `simulate`; the function goes to the workers with what
-    it uses of its module. It has no content that a result could be kept by, so a folder is refused.
+    axes: key -> values, `{"motor.resistance_ohm": [0.1, 0.2]}`, or a range as `--set` takes it, `"0.8x:1.2x:9"`; in the
+    key's unit. twin, seed: see `simulate`. jobs: processes of this machine. scheduler: address of a Dask scheduler in
+    place of them, `tcp://host:8786`; its workers need the same version of Fluxlock. folder: keeps the results of
+    points, so that an equal sweep does not run them again. done: called with each row as it comes. load_nm: see
+    `simulate`; the function goes to the workers with what it uses of its module. It has no content that a result could
+    be kept by, so a folder is refused.
 
     Raises ConfigError (bad key, range or scheduler, a worker of another version, a process that was lost). A point that
     cannot run does not end the others: its row says why.
@@ -315,6 +335,5 @@ def sweep(
     >>> made = sweep("scenarios/own-spindle.toml", {"drive.commutation": ["RSC", "NSC", "CSC"]}, jobs=2)
     >>> made.to_dataframe()["steady.commutation_error_deg.rms"]
     """
-    grid = [Axis(k, tuple(v)) for k, v in axes.items()] if isinstance(axes, Mapping) else axes
-    made = Grid.of(scenario_of(scenario), grid)
+    made = Grid.of(scenario_of(scenario), axes_of(axes))
     return made.run(twin=twin, seed=seed, jobs=jobs, scheduler=scheduler, folder=folder, done=done, load_nm=load_nm)

@@ -33,6 +33,7 @@ LOST = (
     "a worker process ended before its result: the machine has run out of memory, or a script asks for jobs > 1 "
     'outside of `if __name__ == "__main__":`'
 )
+NO_FLUXLOCK = "a worker has no Fluxlock, or another version: install the same one there, or use its checkout"
 EXTRA = "`make setup` in a checkout, else pip install 'fluxlock[sweep]'"
 
 
@@ -167,14 +168,18 @@ class _Asked:
     made_by: str
     mark: str
 
-    def call(self, work: Callable[[Item], Result], item: Item) -> Result:
-        """Call work(item) on a worker, or raise OtherVersion."""
+    def check(self) -> None:
+        """Raise OtherVersion on a worker that has something else."""
         if sources(self.package) != self.made_by:
             text = "a worker has another version of Fluxlock: install the same one there, or use its checkout"
             raise OtherVersion(text)
         if self.mark and not (Path(self.mark).parent == BUILD and Path(self.mark).exists()):
             text = f"a worker does not have the folder {Path(self.mark).parent}, where this command keeps its results: "
             raise OtherVersion(text + "share the checkout, and start the worker from it")
+
+    def call(self, work: Callable[[Item], Result], item: Item) -> Result:
+        """Call work(item) on a worker, or raise OtherVersion: one that joins later has not been asked."""
+        self.check()
         return work(item)
 
 
@@ -191,13 +196,18 @@ def _on_dask(
         raise ConfigError([Problem("--scheduler", scheduler, f"needs Dask: {EXTRA}")]) from None
     try:
         client = distributed.Client(scheduler, timeout=ANSWER_S)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, TypeError) as error:
         text = f"no scheduler answers there ({error}); start one with `dask scheduler`, workers with `dask worker`"
-        raise ConfigError([Problem("--scheduler", scheduler, text)]) from None
+        raise ConfigError([Problem("--scheduler", str(scheduler), text)]) from None
     package = str(getattr(work, "func", work).__module__).partition(".")[0]
     BUILD.mkdir(parents=True, exist_ok=True)
     with client, tempfile.NamedTemporaryFile(dir=BUILD, prefix=".asked-") as mark:
         asked = _Asked(package, sources(package), mark.name if shares_build else "")
+        for worker, answer in client.run(asked.check, on_error="return").items():
+            # A worker without Fluxlock, or with one of long ago, cannot read the question. OSError: it has just ended.
+            if isinstance(answer, Exception) and not isinstance(answer, OSError):
+                text = str(answer) if isinstance(answer, OtherVersion) else f"{NO_FLUXLOCK} ({answer})"
+                raise OtherVersion(f"{worker}: {text}")
         # pure: an equal item is not taken from the scheduler's memory, the store of results is ours.
         pending = {client.submit(partial(asked.call, work), item, pure=False): item for item in items}
         try:

@@ -5,9 +5,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 import doctest
+import inspect
+import re
 import sys
+from collections.abc import Iterator
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -15,6 +21,7 @@ import pytest
 
 import fluxlock
 from fluxlock.base.paths import ROOT
+from fluxlock.config.fields import Model
 
 OWN = ROOT / "scenarios" / "own-spindle.toml"
 SHORT = {"duration_s": 0.3, "window": [{"name": "end", "from_s": 0.25, "to_s": 0.3}], "expect": []}
@@ -30,11 +37,77 @@ def test_public_names() -> None:
 
     Verifies: PACKAGE-7
     """
-    for name in fluxlock.__all__:
-        assert getattr(fluxlock, name).__doc__, name
     assert set(fluxlock.__all__) == set(fluxlock._HOME)
     with pytest.raises(AttributeError, match="no_such"):
         _ = fluxlock.no_such
+
+
+def members(public: type) -> Iterator[tuple[str, Any]]:
+    """Public functions and properties that a class brings itself."""
+    for name, member in vars(public).items():
+        found = member.fget if isinstance(member, property) else getattr(member, "func", member)
+        if not name.startswith("_") and (inspect.isfunction(found) or isinstance(member, (property, cached_property))):
+            yield name, found
+
+
+def left_out(public: Any) -> list[str]:
+    """What the docstring of a function or a class does not say: names, errors, shapes; of a class its members' too."""
+    text = inspect.getdoc(public) or ""
+    if isinstance(public, type):
+        if issubclass(public, Model):  # each key with its unit
+            return [
+                f"{public.__name__}.{key}"
+                for key, field in public.model_fields.items()
+                if not field.description
+                or ("float" in str(field.annotation) and "unit" not in (field.json_schema_extra or ()))
+            ] + [f"{public.__name__}.{name}" for name, member in members(public) if not inspect.getdoc(member)]
+        wanted = [field.name for field in dataclasses.fields(public)] if dataclasses.is_dataclass(public) else []
+        missing = [f"{public.__name__}: {name}" for name in wanted if not re.search(rf"\b{name}:\s", text)]
+        return missing + [line for _, member in members(public) for line in left_out(member)]
+    signature = inspect.signature(public)
+    wanted = [name for name in signature.parameters if name != "self"]
+    missing = [f"{public.__qualname__}: {name}" for name in wanted if not re.search(rf"\b{name}\b", text)]
+    raises = re.search(r"raise (\w+\.)?ConfigError", inspect.getsource(public))
+    if not text or (raises and "Raises ConfigError" not in text):
+        missing.append(f"{public.__qualname__}: text, or its errors")
+    if re.search("Array|ndarray", str(signature.return_annotation)) and not re.search(r"\[n[,\]]", text):
+        missing.append(f"{public.__qualname__}: shape")
+    return missing
+
+
+@pytest.mark.parametrize("name", fluxlock.__all__)
+def test_docstring_is_whole(name: str) -> None:
+    """A docstring names every argument, field, error and shape, a model the unit of each key.
+
+    Verifies: PACKAGE-7
+    """
+    public = getattr(fluxlock, name)
+    if name == "UNITS":
+        home = Path(sys.modules[fluxlock._HOME[name]].__file__ or "").read_text(encoding="utf-8")
+        assert re.search(r"^#: .*\nUNITS = ", home, re.MULTILINE)  # Sphinx takes a variable's text from there
+        return
+    assert inspect.getdoc(public) and left_out(public) == []
+
+
+def test_docstring_that_is_not() -> None:
+    """What is missing is found.
+
+    Verifies: PACKAGE-7
+    """
+
+    @dataclasses.dataclass
+    class Planted:
+        """A thing. seen: of it."""
+
+        seen: int
+        hidden: int
+
+        def waves(self, count: int) -> np.ndarray[Any, Any]:
+            """Return waves."""
+            raise fluxlock.ConfigError([])
+
+    found = [line.rpartition("Planted")[2] for line in left_out(Planted)]
+    assert found == [": hidden", ".waves: count", ".waves: text, or its errors", ".waves: shape"]
 
 
 @pytest.mark.parametrize("name", fluxlock.__all__)
@@ -47,6 +120,9 @@ def test_public_name_on_the_site(name: str, monkeypatch: pytest.MonkeyPatch) -> 
     module = fluxlock._HOME[name]
     page = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
     assert f"[`{module}`]" in page
+    # Sphinx puts on a module's page what the module makes, and what stands in its `__all__`.
+    made_there = getattr(public, "__module__", module) == module
+    assert made_there or name in getattr(sys.modules[module], "__all__", ())
     assert f"`{name}" in (ROOT / "docs" / "howto" / "python-and-sweeps.md").read_text(encoding="utf-8")
     if name in ("UNITS", "Motor", "Inverter", "Scenario"):  # each key of a file is on the page of the files
         return
@@ -114,6 +190,60 @@ def test_whole_motor() -> None:
     assert made.motor.name == "mine" and made.motor.load.coulomb_nm == 1e-3
     with pytest.raises(fluxlock.ConfigError, match="must be a Motor"):
         fluxlock.scenario_of(fluxlock.load_scenario(OWN), {"motor": 3})
+
+
+@pytest.mark.parametrize("given", [Path("motors/pump-4pp.toml"), str(ROOT / "motors" / "pump-4pp.toml")])
+@pytest.mark.parametrize("base", ["file", "scenario"])
+def test_motor_by_its_file(given: Path | str, base: str) -> None:
+    """A motor by the path of its file, also in a scenario that has been read; a path of none is refused by key.
+
+    Verifies: PACKAGE-7
+    """
+    loaded = OWN if base == "file" else fluxlock.load_scenario(OWN)
+    made = fluxlock.scenario_of(loaded, {**SHORT, "event": [], "window": [], "motor": given, "motor.pole_pairs": 3})
+    assert made.motor.name == "Pump 24 V" and made.motor.pole_pairs == 3
+    assert Path(made.sources.motor).name == "pump-4pp.toml"
+    with pytest.raises(fluxlock.ConfigError, match=r"^motor: file not found \(motors/no-such\.toml\)"):
+        fluxlock.scenario_of(loaded, {"motor": "motors/no-such.toml"})
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "expected"),
+    [
+        ("seed", np.int64(3), 3),
+        ("drive.carrier_hz", np.float32(20_000), 20_000.0),
+        ("motor.resistance_ohm", np.array([0.1, 0.2, 0.3]), (0.1, 0.2, 0.3)),
+        ("motor.resistance_ohm", list(np.array([0.1, 0.2, 0.3])), (0.1, 0.2, 0.3)),
+    ],
+)
+def test_numbers_of_numpy(key: str, value: object, expected: object) -> None:
+    """Keys take NumPy's numbers and arrays.
+
+    Verifies: PACKAGE-7
+    """
+    made: Any = fluxlock.scenario_of(OWN, {key: value})
+    for part in key.split("."):
+        made = getattr(made, part)
+    assert made == expected
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"seed": -1}, r"^seed: must be a whole number from 0 to 2147483647, not -1$"),
+        ({"seed": 1.5}, r"^seed: .*not 1\.5$"),
+        ({"seed": True}, r"^seed: .*not True$"),
+        ({"folder": OWN}, r"^folder: .*own-spindle\.toml: cannot be written: .*; name another folder$"),
+        ({"drive__comutation": "CSC"}, r'^drive\.comutation: unknown key, did you mean "commutation"\?$'),
+    ],
+)
+def test_bad_arguments(arguments: dict[str, Any], message: str) -> None:
+    """An argument that is none is refused by its name, before anything runs.
+
+    Verifies: PACKAGE-7
+    """
+    with pytest.raises(fluxlock.ConfigError, match=message):
+        fluxlock.simulate(OWN, twin=True, **arguments)
 
 
 def test_chip(tmp_path: Path) -> None:

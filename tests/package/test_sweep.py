@@ -5,17 +5,14 @@
 
 from __future__ import annotations
 
-import json
-import os
-import signal
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import distributed
+import numpy as np
 import pandas as pd
 import pytest
 import typer
@@ -29,6 +26,7 @@ from fluxlock.command_line import run_command_line
 from fluxlock.sweeps import Axis, Grid
 from fluxverify import sweep_bench
 from fluxverify.cli import app as verify
+from tests.package.dask_workers import BEGIN_S, dask_workers
 
 OWN = ROOT / "scenarios" / "own-spindle.toml"
 SHORT = {"duration_s": 0.02, "window": [], "expect": [], "event": []}
@@ -65,6 +63,7 @@ def test_ranges(text: str, values: tuple[Any, ...], factors: bool) -> None:
     ("text", "message"),
     [
         ("motor.resistance_ohm", "must have the form"),
+        ("motor.resistance_ohm=0.1:0.3", "no range of numbers LOW:HIGH:COUNT"),
         ("=1:2:3", "must have the form"),
         ("motor.resistance_ohm=", "must have the form"),
         ("motor.resistance_ohm=a:2:3", "no range of numbers"),
@@ -110,16 +109,62 @@ def test_grid() -> None:
         Grid.of(short(), [Axis("seed", tuple(range(1000))), Axis("motor.resistance_ohm", tuple(range(1, 1000)))])
 
 
+@pytest.mark.parametrize(
+    ("stated", "values"),
+    [
+        ("0.1:0.3:3", (0.1, 0.2, 0.3)),
+        (np.linspace(0.1, 0.3, 3), (0.1, 0.2, 0.3)),
+        ([np.float32(0.5), Path("a/b.toml")], (0.5, "a/b.toml")),
+        (range(1, 3), (1, 2)),
+    ],
+)
+def test_axes_from_code(stated: Any, values: tuple[Any, ...]) -> None:
+    """Values of NumPy, paths, and a range in words.
+
+    Verifies: PACKAGE-8
+    """
+    (axis,) = sweeps.axes_of({"motor.resistance_ohm": stated})
+    assert axis.key == "motor.resistance_ohm"
+    assert axis.values == values if isinstance(values[-1], str) else axis.values == pytest.approx(values)
+    assert all(type(value) in (int, float, str) for value in axis.values)
+    assert sweeps.axes_of([Axis("seed", (np.int64(1),))])[0].values == (1,)
+
+
+@pytest.mark.parametrize(
+    ("axes", "options", "message"),
+    [
+        ({"seed": 5}, {}, r"^seed: must be a list of values, not 5$"),
+        ({"motor": fluxlock.load_motor(ROOT / "motors" / "spindle-2pp.toml")}, {}, "^motor: must be a list of values"),
+        (["seed=1:2:2"], {}, r"^must be a dict, key: values, not \['seed=1:2:2'\]$"),
+        ({}, {}, "^no key to change"),
+        ({"motor.resistence_ohm": [0.1]}, {}, '^motor.resistence_ohm: unknown key, did you mean "resistance_ohm"'),
+        ({"seed": [1]}, {"jobs": 0}, "^jobs: must be a whole number from 1, not 0$"),
+        ({"seed": [1]}, {"seed": -1}, "^seed: must be a whole number from 0 to 2147483647, not -1$"),
+        ({"seed": [1]}, {"folder": OWN}, "^folder: .*points: cannot be written: "),
+        ({"seed": [1]}, {"scheduler": 8786}, "^--scheduler: 8786: no scheduler answers there"),
+    ],
+)
+def test_bad_arguments(axes: Any, options: dict[str, Any], message: str) -> None:
+    """What is no grid, no number of jobs, no seed, no folder and no address is refused by name, before anything runs.
+
+    Verifies: PACKAGE-8, PACKAGE-9
+    """
+    with pytest.raises(fluxlock.ConfigError, match=message):
+        fluxlock.sweep(short(), axes, twin=True, **options)
+
+
 def test_machine_that_cannot_run() -> None:
     """A machine that the twin is not, inside a grid: its row says why, in words of its key, and the others run.
 
     Verifies: PACKAGE-8
     """
-    motors = [fluxlock.load_motor(ROOT / "motors" / f"{name}.toml") for name in ("spindle-2pp", "five-phase-yu")]
-    made = fluxlock.sweep(short(), {"motor": motors}, twin=True)
-    assert [row["status"] for row in made.rows] == ["right", "refused"]
-    assert "phases" in made.rows[1]["reason"]
-    assert [row["motor"] for row in made.rows] == [motor.name for motor in motors]
+    files = [f"motors/{name}.toml" for name in ("spindle-2pp", "five-phase-yu")]
+    motors = [fluxlock.load_motor(file) for file in files]
+    for given, names in ((motors, [motor.name for motor in motors]), (",".join(files), files)):
+        made = fluxlock.sweep(short(), {"motor": given}, twin=True)
+        assert [row["status"] for row in made.rows] == ["right", "refused"]
+        assert "phases" in made.rows[1]["reason"]
+        assert [row["motor"] for row in made.rows] == names
 
 
 def test_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -182,27 +227,6 @@ def test_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
         fluxlock.sweep(short(), GRID, twin=True, scheduler="nonsense://x")
 
 
-@pytest.fixture
-def dask(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """A scheduler and two workers, begun by hand."""
-    file = tmp_path / "scheduler.json"
-    program = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
-    scheduler = subprocess.Popen(
-        [*program, "--port", "0", "--host", "127.0.0.1", "--scheduler-file", file, "--no-dashboard"]
-    )
-    worker = [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", str(file), "--nthreads", "1"]
-    hands = [subprocess.Popen([*worker, "--no-dashboard", "--no-nanny"], cwd=tmp_path) for _ in range(2)]
-    try:
-        give_up = time.monotonic() + 300
-        while not file.exists() and time.monotonic() < give_up:
-            time.sleep(0.1)
-        yield json.loads(file.read_text())["address"], hands
-    finally:
-        for process in (*hands, scheduler):
-            process.kill()
-            process.wait()
-
-
 def refuses_strangers(address: str) -> None:
     """A worker with other sources, or without the folder of the results, is refused by name; else the items run."""
     found: dict[str, int] = {}
@@ -257,32 +281,28 @@ def test_population_without_a_scheduler(monkeypatch: pytest.MonkeyPatch) -> None
         CliRunner().invoke(app, words, catch_exceptions=False)
 
 
-def test_lost_worker(
-    dask: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """One of two workers is killed after a point: every point is there, bit for bit those of this machine's processes.
+# A worker in an environment that has Dask, but not this package.
+BARE = "import sys; sys.modules['fluxlock'] = None; from distributed.cli.dask_worker import main; main()"
 
-    With the other one killed too the items end by name.
+
+def test_strange_and_lost_workers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Strangers among the workers are refused by name; when all have gone the items end by name.
 
     Verifies: PACKAGE-9
     """
-    address, hands = dask
-    grid = {"motor.resistance_ohm": [0.14, 0.15], "drive.commutation": ["RSC", "CSC"]}
-    ended: list[int] = []
-
-    def done(row: dict[str, Any]) -> None:
-        ended.append(row["point"])
-        if len(ended) == 1:
-            os.kill(hands[0].pid, signal.SIGKILL)
-
-    refuses_strangers(address)
-    lost = fluxlock.sweep(short(), grid, twin=True, scheduler=address, done=done)
-    assert sorted(ended) == list(range(4)) and hands[1].poll() is None
-    assert lost.rows == fluxlock.sweep(short(), grid, twin=True, jobs=2).rows
-    monkeypatch.setattr(workers, "DESERTED_S", 1)
-    hands[1].kill()
-    with workers.on_scheduler(address), pytest.raises(fluxlock.ConfigError, match="has had no worker for 1 s"):
-        workers.side_by_side(len, ["a"], 1, lambda *_: None)
+    with dask_workers(tmp_path, 1) as dask:
+        address = dask.address()
+        refuses_strangers(address)
+        dask.workers[0].kill()
+        monkeypatch.setattr(workers, "DESERTED_S", 1)
+        with workers.on_scheduler(address), pytest.raises(fluxlock.ConfigError, match="has had no worker for 1 s"):
+            workers.side_by_side(len, ["a"], 1, lambda *_: None)
+        dask.begin_worker(["-c", BARE])
+        with distributed.Client(address) as client:
+            client.wait_for_workers(1, BEGIN_S)
+        stranger = r"^tcp://\S+: a worker has no Fluxlock"
+        with workers.on_scheduler(address), pytest.raises(workers.OtherVersion, match=stranger):
+            workers.side_by_side(len, ["a"], 1, lambda *_: None)
 
 
 def test_command_that_loses_a_worker(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
@@ -330,6 +350,12 @@ def test_command(tmp_path: Path) -> None:
         15_000, rel=0.005
     )
     assert (tmp_path / "overview.png").stat().st_size > 10_000
+    (tmp_path / "sweep.parquet").unlink()
+    with pytest.raises(
+        fluxlock.ConfigError, match=r"steady\.nope: no such column; there are: .*steady\.speed_rpm\.mean"
+    ):
+        CliRunner().invoke(app, [*arguments, "--metric", "steady.nope"], catch_exceptions=False)
+    assert len(pd.read_parquet(tmp_path / "sweep.parquet")) == 2
 
 
 def test_bench(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

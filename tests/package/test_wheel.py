@@ -16,6 +16,39 @@ from pathlib import Path
 import pytest
 
 from fluxlock.base.paths import BUILD, ROOT
+from tests.package.dask_workers import dask_workers
+
+# A sweep of 24 points that prints its rows; the process that the second argument names is killed half-way.
+SWEEP = """
+import json, os, signal, sys
+import fluxlock
+
+KEYS = {
+    "duration_s": 0.03,
+    "initial.speed_rpm": 14_000.0,
+    "event": [{"at_s": 0.004, "speed_rpm": 15_000.0}, {"at_s": 0.005, "command": "start"}],
+    "window": [{"name": "held", "from_s": 0.02, "to_s": 0.03}],
+    "expect": [],
+}
+
+
+def main(scheduler: str = "", victim: str = "") -> None:
+    ended = []
+
+    def done(row):
+        ended.append(row)
+        if victim and len(ended) == 12:
+            os.kill(int(victim), signal.SIGKILL)
+
+    scenario = fluxlock.scenario_of("scenarios/own-spindle.toml", KEYS)
+    grid = {"motor.resistance_ohm": "0.8x:1.2x:4", "drive.commutation": ["RSC", "CSC"], "seed": range(1, 4)}
+    made = fluxlock.sweep(scenario, grid, twin=True, jobs=2, scheduler=scheduler or None, done=done)
+    print(json.dumps(made.rows))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
+"""
 
 
 class Installed:
@@ -42,11 +75,14 @@ class Installed:
 
     def python(self, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
         """Run Python with arguments in the empty folder."""
-        env = {"PATH": os.environ["PATH"], "HOME": str(self.home), "PYTHONPATH": str(self.site), **environment}
-        # Where Python keeps what it has compiled of the dependencies.
-        env |= {name: os.environ[name] for name in ("PYTHONPYCACHEPREFIX",) if name in os.environ}
-        command = [sys.executable, *arguments]
+        command, env = [sys.executable, *arguments], {**self.environment(), **environment}
         return subprocess.run(command, cwd=self.here, env=env, capture_output=True, text=True, check=False, timeout=600)
+
+    def environment(self) -> dict[str, str]:
+        """Variables of a user's shell, whose home is empty."""
+        env = {"PATH": os.environ["PATH"], "HOME": str(self.home), "PYTHONPATH": str(self.site)}
+        # Where Python keeps what it has compiled of the dependencies.
+        return env | {name: os.environ[name] for name in ("PYTHONPYCACHEPREFIX",) if name in os.environ}
 
 
 @pytest.fixture(scope="module")
@@ -93,6 +129,22 @@ def test_runs(installed: Installed) -> None:
     result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
     assert result["run"]["cycles"] == 100_000
     assert not list(installed.site.rglob("build"))
+
+
+def test_sweep_that_loses_a_worker(installed: Installed) -> None:
+    """24 points on two Dask workers, one of which is killed half-way, are bit for bit those of the process pool.
+
+    Verifies: PACKAGE-9
+    """
+    (installed.here / "sweep.py").write_text(SWEEP, encoding="utf-8")
+    with dask_workers(installed.here, 2, installed.environment()) as dask:
+        lost = installed.python("sweep.py", dask.address(), str(dask.workers[0].pid))
+        assert lost.returncode == 0, lost.stderr
+        assert dask.workers[0].poll() is not None and dask.workers[1].poll() is None
+    rows = json.loads(lost.stdout)
+    assert [(row["point"], row["status"]) for row in rows] == [(point, "right") for point in range(24)]
+    assert len({row["held.speed_rpm.mean"] for row in rows}) > 12
+    assert lost.stdout == installed.python("sweep.py").stdout
 
 
 @pytest.mark.parametrize(

@@ -288,6 +288,8 @@ def _load_plain(source: _Source) -> Model:
 def load_motor(path: Path | str) -> Motor:
     """Read and check a motor file: SI units, arrays of one value per phase. Raises ConfigError with all problems.
 
+    path: a file, or a shipped one by its name.
+
     >>> load_motor("motors/spindle-2pp.toml").mean_inductance_h  # H
     0.00012
     """
@@ -299,6 +301,8 @@ def load_motor(path: Path | str) -> Motor:
 
 def load_inverter(path: Path | str) -> Inverter:
     """Read and check an inverter file, in SI units. Raises ConfigError with all problems.
+
+    path: a file, or a shipped one by its name.
 
     >>> load_inverter("inverters/drive-48v.toml").supply_v  # V
     48.0
@@ -347,7 +351,8 @@ def load_scenario(
 ) -> Scenario:
     """Read a scenario with its motor and inverter, apply overrides (`key=value` or objects), check everything.
 
-    allow_overload: the limit of the current may keep the drive from its speeds, as `[[accept]]` would say.
+    path: a file, or a shipped one by its name. allow_overload: the limit of the current may keep the drive from its
+    speeds, as `[[accept]]` would say.
 
     Override keys are those of the scenario file; `motor.x` and `inverter.x` reach into those files,
     `motor=FILE` and `inverter=FILE` replace them. Raises ConfigError with all problems that were found.
@@ -373,27 +378,40 @@ def load_scenario(
     return _checked(source, parsed, files, problems, allow_overload)
 
 
+def _whole(name: str, model: type[Model], value: object, file: str) -> tuple[Model, str]:
+    """Motor or inverter that takes the place of a scenario's, and its file: a model, which has none, or a path."""
+    if isinstance(value, model):
+        return value, file
+    if not isinstance(value, str):
+        text = f"must be a {model.__name__} or the path of its file, not {_shown(value)}"
+        raise ConfigError([Problem(SET_OPTION, name, text)])
+    path = Path(os.path.normpath(shipped(Path(value))))
+    table = _read_toml(path, str(path), model, Problem(SET_OPTION, name, ""))
+    return _load_plain(_Source(model, str(path), table, "")), str(path)
+
+
 def changed(scenario: Scenario, overrides: Iterable[Override]) -> Scenario:
-    """A scenario with keys changed, checked like one that is read; `motor` and `inverter` by a whole model too.
+    """A scenario with keys changed, checked like one that is read; `motor` and `inverter` by a whole model or a path.
 
     Raises ConfigError with all problems.
     """
     parsed, problems = list(overrides), list[Problem]()
     files = scenario.sources
     source = _Source(Scenario, files.scenario, scenario.model_dump(exclude_unset=True), "")
-    for name, model, file in (("motor", Motor, files.motor), ("inverter", Inverter, files.inverter)):
-        whole = [o.value for o in parsed if o.key == (name,)]
-        if whole and not isinstance(whole[-1], model):
-            problems.append(Problem(SET_OPTION, name, f"must be a {model.__name__}, not {_shown(whole[-1])}"))
-        base = whole[-1] if whole and isinstance(whole[-1], model) else getattr(scenario, name)
-        part = _Source(model, file, base.model_dump(exclude_unset=True), f"{name}.")
+    places = {"motor": files.motor, "inverter": files.inverter}
+    for name, model in (("motor", Motor), ("inverter", Inverter)):
+        base, whole = getattr(scenario, name), [o.value for o in parsed if o.key == (name,)]
         try:
+            if whole:
+                base, places[name] = _whole(name, model, whole[-1], places[name])
+            part = _Source(model, places[name], base.model_dump(exclude_unset=True), f"{name}.")
             part.override(Override(o.key[1:], o.value) for o in parsed if o.key[0] == name and len(o.key) > 1)
             source.table[name] = _load_plain(part)
         except ConfigError as error:
             problems += error.problems
             source.table[name] = getattr(scenario, name)
-    return _checked(source, parsed, replace(files, overrides=(*files.overrides, *(o.key for o in parsed))), problems)
+    files = replace(files, **places, overrides=(*files.overrides, *(o.key for o in parsed)))
+    return _checked(source, parsed, files, problems)
 
 
 def _checked(

@@ -30,7 +30,7 @@ TRACE = "trace.npz"
 RESULT = "result.json"
 
 
-# Traces and their units; all of one run have the same length.
+#: Traces of a run and their units, `UNITS["ia"]`; all of one run have the same length, see `Run.traces`.
 UNITS = {
     "t_s": "s",
     "theta_e_rad": "rad",
@@ -51,9 +51,10 @@ UNITS = {
 class Run:
     """A finished run.
 
-    scenario: what ran. data: everything recorded. metrics: window -> metric -> statistic -> value; result: the
-    document of `result.json`, see docs/reference/result.md. verdict: `passed`, and in `failures` why not. folder: where
-    trace, result and plots lie; None: nowhere.
+    scenario: what ran. data: everything recorded. analysis: cycles, crossings and commutations found in it. metrics:
+    window -> metric -> statistic -> value; a metric's unit ends its name. result: the document of `result.json`, see
+    docs/reference/result.md. verdict: `passed`, and in `failures` why not. folder: where trace, result and plots lie;
+    None: nowhere.
 
     >>> from fluxlock import simulate
     >>> run = simulate("scenarios/own-spindle.toml", twin=True)  # doctest: +SKIP
@@ -92,7 +93,10 @@ class Run:
         return found | {name: np.asarray(records[name]) for name in UNITS if name not in found}
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """The traces as a pandas table with t_s as index; units in its `attrs["units"]`. Needs pandas."""
+        """The traces as a pandas table, n rows, with t_s as index; units in its `attrs["units"]`.
+
+        Raises ConfigError without pandas.
+        """
         try:
             import pandas
         except ImportError:
