@@ -122,6 +122,19 @@ def simulate(
 
     loaded = scenario_of(scenario, overrides)
     check_parameters(loaded)
+    return run_checked(loaded, twin, seed, folder, plots, progress, load_nm)
+
+
+def run_checked(
+    loaded: Scenario,
+    twin: bool,
+    seed: int | None,
+    folder: Path | str | None = None,
+    plots: bool = True,
+    progress: bool = False,
+    load_nm: LoadFunction | None = None,
+) -> Run:
+    """Run a scenario whose parameters have been checked; see `simulate`."""
     load = PythonLoad(load_nm) if load_nm is not None else None
     if load is not None:
         check_rotor(loaded)

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fluxlock.api import plain, results_folder, scenario_of, seed_of, simulate, whole
+from fluxlock.api import plain, results_folder, run_checked, scenario_of, seed_of, whole
 from fluxlock.base.paths import content_hash
 from fluxlock.config import ConfigError, Inverter, Motor, Problem, Scenario
 from fluxlock.config.errors import SET_OPTION
@@ -185,9 +185,7 @@ class Grid:
             seed = seed_of(self.points[0].scenario, seed)
         store = results_folder(Path(folder) / "points") if folder is not None else None
         made_by, rows, left = sources(), [], []
-
-        def kept(point: Point) -> Path | None:
-            return None if store is None else store / f"{point.key(seed, twin, made_by)}.json"
+        paths = {p.index: store and store / f"{p.key(seed, twin, made_by)}.json" for p in self.points}
 
         def keep(row: Row) -> None:
             rows.append(row)
@@ -195,7 +193,7 @@ class Grid:
                 done(row)
 
         def store_row(point: Point, row: Row) -> None:
-            path = kept(point)
+            path = paths[point.index]
             if path is not None and row["status"] != BROKEN:
                 part = path.with_suffix(".part")
                 part.write_text(json.dumps(row), encoding="utf-8")
@@ -205,7 +203,7 @@ class Grid:
         for row in self.refused:
             keep(row)
         for point in self.points:
-            path = kept(point)
+            path = paths[point.index]
             if path is not None and path.exists():
                 keep(json.loads(path.read_text(encoding="utf-8")) | {"point": point.index})
             else:
@@ -239,7 +237,7 @@ def run_point(seed: int | None, twin: bool, made_by: str, load: PythonLoad | Non
         raise OtherVersion("a worker has another version of Fluxlock: install the same one there, or use its checkout")
     head = {"point": point.index, **_shown(point.keys)}
     try:
-        run = simulate(point.scenario, twin=twin, seed=seed, load_nm=load.function if load is not None else None)
+        run = run_checked(point.scenario, twin, seed, load_nm=load.function if load is not None else None)
     except ConfigError as error:  # of the twin, which cannot do all that the chip can
         return {**head, "status": REFUSED, "reason": "; ".join(str(problem) for problem in error.problems)}
     except SimulationFault as error:
