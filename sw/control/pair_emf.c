@@ -8,18 +8,19 @@
 // After a commutation the filter shows the pair before it; fewer ticks tell too little.
 #define TICKS_LEFT_OUT 2u
 #define TICKS_MIN 4u
-// Voltage that stands apart over what each other pair loses of it.
-#define LEARN 32
+// What stands apart over what each other pair loses of it: 32; from 17 bits to 20 over a voltage of 25 - 11.
+#define LEARN_SHIFT 12
+#define EMF_SHIFT 11
 
 // To a pair, half of it from each other one: their mean stays 0.
-static void share_out(pair_emf_t *e, uint32_t pair, int32_t half_v_q25) {
+static void share_out(pair_emf_t *e, uint32_t pair, int32_t half_q20) {
   for (uint32_t k = 0; k < PAIRS; k++) {
-    e->more_v_q25[k] += (k == pair) ? 2 * half_v_q25 : -half_v_q25;
+    e->more_q20[k] += (k == pair) ? 2 * half_q20 : -half_q20;
   }
 }
 
 // The sector that ended.
-static void close_sector(pair_emf_t *e, const pair_emf_gains_t *gains) {
+COLD static void close_sector(pair_emf_t *e, const pair_emf_gains_t *gains, int32_t emf_v_q25) {
   if (e->ticks < TICKS_MIN) {
     e->sectors = 0;
     return;
@@ -33,7 +34,8 @@ static void close_sector(pair_emf_t *e, const pair_emf_gains_t *gains) {
     e->mean_i_q25 = i_q17 * 256;
   } else {
     const int32_t apart_v_q17 = e->sector_v_q17[0] - (e->sector_v_q17[1] + v_q17) / 2;
-    share_out(e, (e->commutations + PAIRS - 1u) % PAIRS, apart_v_q17 * (256 / LEARN));
+    const int32_t apart_q20 = (apart_v_q17 * (1 << LEARN_SHIFT)) / ((emf_v_q25 >> EMF_SHIFT) + 1);
+    share_out(e, (e->commutations + PAIRS - 1u) % PAIRS, apart_q20);
     e->mean_i_q25 = (e->sector_i_q17[0] + e->sector_i_q17[1] + i_q17) / 3 * 256;
   }
   e->sector_v_q17[1] = e->sector_v_q17[0];
@@ -43,14 +45,14 @@ static void close_sector(pair_emf_t *e, const pair_emf_gains_t *gains) {
   e->swing_v_q25 -= e->swing_v_q25 / 8;
 }
 
-HOT void pair_emf_step(pair_emf_t *e, const pair_emf_gains_t *gains, int32_t u_v_q25, int32_t i_q25, int32_t filter_shift,
-                       uint32_t commutations) {
+HOT void pair_emf_step(pair_emf_t *e, const pair_emf_gains_t *gains, int32_t u_v_q25, int32_t emf_v_q25, int32_t i_q25,
+                       int32_t filter_shift, uint32_t commutations) {
   e->seen_v_q25 += (e->u_v_q25[1] - e->seen_v_q25) >> filter_shift;
   e->u_v_q25[1] = e->u_v_q25[0];
   e->u_v_q25[0] = u_v_q25;
   e->swing_v_q25 = within_i32(e->swing_v_q25 + gain_apply(i_q25 - e->mean_i_q25, gains->spring), PRODUCT_MAX / 4);
   if (commutations != e->commutations) {
-    close_sector(e, gains);
+    close_sector(e, gains, emf_v_q25);
     e->commutations = commutations;
     e->ticks = 0;
     e->sum_v_q17 = 0;

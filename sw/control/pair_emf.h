@@ -8,6 +8,8 @@
 //   v = u - R i - L di/dt - k_e^2/J * integral of (i - mean i)      the last term: the rotor swings with the current
 //   m = v of the sector - mean v of the sectors beside it           what falls or rises over all three cancels
 //   more += m / 16, of the two others -= m / 32                     until m is 0: a lag or a wrong L only delays it
+//
+// As shares of the mean: the speed changes.
 #ifndef FL_PAIR_EMF_H
 #define FL_PAIR_EMF_H
 
@@ -24,7 +26,7 @@ typedef struct {
 } pair_emf_gains_t;
 
 typedef struct {
-  int32_t more_v_q25[PAIRS];  // by commutations modulo 3
+  int32_t more_q20[PAIRS];    // over the mean EMF; by commutations modulo 3
   int32_t u_v_q25[2];         // told before: it is applied when the next tick has begun
   uint32_t commutations;
   uint32_t sectors;           // seen in a row, at most 2
@@ -40,10 +42,11 @@ typedef struct {
   int32_t mean_i_q25;
 } pair_emf_t;
 
-// Once a tick, while a sector lasts a few. u: told in this tick, without more and the EMF's shape; i: of the pair, behind a
-// filter that takes this shift of what is new; commutations: counted so far. About 120 clocks, 250 after a commutation.
-void pair_emf_step(pair_emf_t *e, const pair_emf_gains_t *gains, int32_t u_v_q25, int32_t i_q25, int32_t filter_shift,
-                   uint32_t commutations);
+// Once a tick, while a sector lasts a few. u: told in this tick, without more and the EMF's shape; emf: mean of the pairs;
+// i: of the pair, behind a filter that takes this shift of what is new; commutations: counted so far. About 120 clocks, 350
+// after a commutation.
+void pair_emf_step(pair_emf_t *e, const pair_emf_gains_t *gains, int32_t u_v_q25, int32_t emf_v_q25, int32_t i_q25,
+                   int32_t filter_shift, uint32_t commutations);
 
 // Nothing is learnt in this tick: what was seen of the sector does not count.
 void pair_emf_pause(pair_emf_t *e);

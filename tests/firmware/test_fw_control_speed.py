@@ -257,17 +257,17 @@ def test_emf_of_each_pair(lib: CData, ticks: tuple[int, int]) -> None:
         emf_v = mean_v + apart_v[commutations % 3]
         for _ in range(ticks):
             told_v = mean_v + resistance * wanted_a
-            u_v = told_v + state.more_v_q25[commutations % 3]
+            u_v = told_v + mean_v * state.more_q20[commutations % 3] / 2**20
             filtered_a += (current_a - filtered_a) / 2**shift
-            lib.pair_emf_step(state, gains, round(told_v), round(filtered_a), shift, commutations)
+            lib.pair_emf_step(state, gains, round(told_v), round(mean_v), round(filtered_a), shift, commutations)
             current_a += (u_v - emf_v - resistance * current_a) / (inductance + resistance)
         commutations += 1
 
     for _ in range(6 * 120):
         sector(rng.randint(*ticks))
-    found = list(state.more_v_q25)
-    assert found == pytest.approx(apart_v, abs=0.02 * max(apart_v))
+    found = list(state.more_q20)
+    assert [mean_v * share / 2**20 for share in found] == pytest.approx(apart_v, abs=0.02 * max(apart_v))
     lib.pair_emf_pause(state)
     for _ in range(12):
         sector(4)
-    assert list(state.more_v_q25) == found
+    assert list(state.more_q20) == found

@@ -22,6 +22,8 @@
 // EMF of a pair of sinusoidal phases within a sector, over its mean: 1 + 0.5586 (1/12 - y^2), y from the middle.
 #define ROUND_Q16 36608
 #define ROUND_STEP_MAX_Q16 8192
+// Voltage at the end of a sector that unequal fluxes add, over the difference of the pairs beside it: pi / (3 sqrt 3).
+#define LEAN_Q16 39622
 // Trim of a firm drive over what a speed over the turn allows.
 #define FIRM_TRIM 3
 // Fewest ticks of the lag: a measured speed is taken at most every second tick.
@@ -432,23 +434,27 @@ HOT static int32_t braking_bound(const regulate_t *r, const six_step_view_t *vie
   return emf_v_q25 - gain_apply(brake_i_q25, g->resistance) - gain_apply(margin_q17, gains->kp);
 }
 
-// What the EMF of a sinusoidal pair has more than its mean when the voltage of this tick is applied, one to two ticks from
-// now.
-HOT static int32_t rounding_v_q25(const six_step_view_t *view, int32_t emf_v_q25) {
-  const measured_t *m = view->m;
-  if (view->p->zcd_linear != 0) {
-    return 0;
-  }
-  int32_t y_q16 = m->place_q16 + m->place_step_q16 * 3 / 2 - ONE_Q16 / 2;
-  y_q16 -= (y_q16 > ONE_Q16 / 2) ? ONE_Q16 : 0;
-  y_q16 = clamp_i32(y_q16, -ONE_Q16 / 2, ONE_Q16 / 2);
+// From the middle of a sector, in parts of it, when the voltage of this tick is applied, one to two ticks from now.
+HOT static int32_t from_middle_q16(const measured_t *m) {
+  const int32_t y_q16 = m->place_q16 + m->place_step_q16 * 3 / 2 - ONE_Q16 / 2;
+  return clamp_i32(y_q16 - ((y_q16 > ONE_Q16 / 2) ? ONE_Q16 : 0), -ONE_Q16 / 2, ONE_Q16 / 2);
+}
+
+// What the EMF of a sinusoidal pair has more than its mean.
+HOT static int32_t rounding_v_q25(int32_t emf_v_q25, int32_t y_q16) {
   return mul_q16(emf_v_q25, mul_q16(ONE_Q16 / 12 - mul_q16(y_q16, y_q16), ROUND_Q16));
 }
 
-// The same of this pair beside the others: of unequal fluxes.
-HOT static int32_t pair_v_q25(const regulate_t *r, const measured_t *m) {
-  const bool next = m->place_q16 + m->place_step_q16 * 3 / 2 > ONE_Q16;
-  return r->pair_emf.more_v_q25[(m->commutations + (next ? 1u : 0u)) % PAIRS];
+// The same of this pair beside the others: of unequal fluxes. A sinusoidal pair leans on the flux that it has in common with
+// the last one at first, with the next one at last.
+HOT static int32_t pair_v_q25(const regulate_t *r, const six_step_view_t *view, int32_t emf_v_q25, int32_t y_q16) {
+  const measured_t *m = view->m;
+  const int32_t *more_q20 = r->pair_emf.more_q20;
+  const uint32_t next = (m->place_q16 + m->place_step_q16 * 3 / 2 > ONE_Q16) ? 1u : 0u;
+  const uint32_t pair = (m->commutations + next) % PAIRS;
+  const int32_t apart_q20 = more_q20[(pair + 1u) % PAIRS] - more_q20[(pair + PAIRS - 1u) % PAIRS];
+  const int32_t leans_q20 = (view->p->zcd_linear == 0) ? mul_q16(apart_q20, mul_q16(y_q16, LEAN_Q16)) : 0;
+  return mul_q16(emf_v_q25, more_q20[pair] + leans_q20) / 16;
 }
 
 // Voltage for the reference, between the limits of duty, slew and the currents in both directions. While diodes end the
@@ -463,7 +469,9 @@ HOT static int32_t voltage_step(regulate_t *r, const pwm_t *pwm, const six_step_
   // Where a sector has only few ticks the inductance evens the EMF out.
   const bool follows = m->place_step_q16 <= ROUND_STEP_MAX_Q16;
   const bool by_pair = follows && holds_firm(view);
-  const int32_t shape_v_q25 = (follows ? rounding_v_q25(view, mean_v_q25) : 0) + (by_pair ? pair_v_q25(r, m) : 0);
+  const int32_t y_q16 = from_middle_q16(m);
+  const int32_t round_v_q25 = (follows && p->zcd_linear == 0) ? rounding_v_q25(mean_v_q25, y_q16) : 0;
+  const int32_t shape_v_q25 = round_v_q25 + (by_pair ? pair_v_q25(r, view, mean_v_q25, y_q16) : 0);
   const int32_t emf_v_q25 = mean_v_q25 + shape_v_q25;
   // The integral knows by how much the EMF is wrong: of flux and temperature.
   const int32_t trimmed_v_q25 = emf_v_q25 + (r->current_pi.integral_q5 >> PI_INTEGRAL_BITS);
@@ -511,7 +519,8 @@ HOT static int32_t voltage_step(regulate_t *r, const pwm_t *pwm, const six_step_
   limiter_update(&r->limiter, &gains, g->resistive_v_q25, margin_q17, above);
   if (by_pair) {
     const pair_emf_gains_t pair = {{p->resistance_low, p->resistance_shift + 8}, p->pair_inductance, p->pair_spring};
-    pair_emf_step(&r->pair_emf, &pair, output - shape_v_q25, m->line_i_q25, p->loop_filter_shift, m->commutations);
+    pair_emf_step(&r->pair_emf, &pair, output - shape_v_q25, mean_v_q25, m->line_i_q25, p->loop_filter_shift,
+                  m->commutations);
   } else {
     pair_emf_pause(&r->pair_emf);
   }
