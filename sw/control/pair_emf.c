@@ -11,6 +11,7 @@
 // What stands apart over what each other pair loses of it: 32; from 17 bits to 20 over a voltage of 25 - 11.
 #define LEARN_SHIFT 12
 #define EMF_SHIFT 11
+#define APART_MAX_Q17 131072
 
 // To a pair, half of it from each other one: their mean stays 0.
 static void share_out(pair_emf_t *e, uint32_t pair, int32_t half_q20) {
@@ -33,7 +34,7 @@ COLD static void close_sector(pair_emf_t *e, const pair_emf_gains_t *gains, int3
     e->sectors++;
     e->mean_i_q25 = i_q17 * 256;
   } else {
-    const int32_t apart_v_q17 = e->sector_v_q17[0] - (e->sector_v_q17[1] + v_q17) / 2;
+    const int32_t apart_v_q17 = within_i32(e->sector_v_q17[0] - (e->sector_v_q17[1] + v_q17) / 2, APART_MAX_Q17);
     const int32_t apart_q20 = (apart_v_q17 * (1 << LEARN_SHIFT)) / ((emf_v_q25 >> EMF_SHIFT) + 1);
     share_out(e, (e->commutations + PAIRS - 1u) % PAIRS, apart_q20);
     e->mean_i_q25 = (e->sector_i_q17[0] + e->sector_i_q17[1] + i_q17) / 3 * 256;

@@ -17,6 +17,7 @@ BASE_RPM = 60_000
 FOUND_S = 0.02  # above a tenth of that speed, below it half an electrical turn if that is longer
 AFTERWARDS_S = 0.1
 AGAINST_DEG = 90.0  # electrical, in the wrong direction
+ALIGNED_BACK_DEG = 210.0  # the same as a new start aligns the rotor, which may turn slowly yet
 HELD_DEG = 15.0  # a quarter of a sector, of each commutation of a turn
 SECTORS = 6
 NAMED_S = 0.003  # from the trip to its cause
@@ -76,12 +77,14 @@ def test_lost_angle_is_found_in_time_by_name(fault: str, share: float) -> None:
     turn_s = 60.0 / (bench.model.rpm * bench.scenario.motor.pole_pairs)
     limit_s = max(FOUND_S, turn_s / 2)
     FAULTS[fault](bench)
-    furthest_rad, back_rad = bench.model.s[am.THETA], 0.0
+    furthest_rad, back_rad = bench.model.s[am.THETA], {False: 0.0, True: 0.0}
+    aligns = False
 
     def ended() -> bool:
-        nonlocal furthest_rad, back_rad
+        nonlocal furthest_rad, aligns
+        aligns = aligns or bench.model.c[am.C_SEQ] == am.SEQ_MANUAL
         furthest_rad = max(furthest_rad, bench.model.s[am.THETA])
-        back_rad = max(back_rad, furthest_rad - bench.model.s[am.THETA])
+        back_rad[aligns] = max(back_rad[aligns], furthest_rad - bench.model.s[am.THETA])
         return bench.fw.state != "running"
 
     found = bench.run(limit_s, ended)
@@ -100,4 +103,5 @@ def test_lost_angle_is_found_in_time_by_name(fault: str, share: float) -> None:
         assert logged(bench) == []
     bench.run(AFTERWARDS_S, lambda: ended() and False)
     assert found or (bench.fw.state == "running" and bench.model.rpm > 0.9 * share * BASE_RPM)
-    assert math.degrees(back_rad) < AGAINST_DEG
+    assert math.degrees(back_rad[False]) < AGAINST_DEG
+    assert math.degrees(back_rad[True]) < ALIGNED_BACK_DEG

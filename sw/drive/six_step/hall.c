@@ -284,7 +284,7 @@ COLD static hall_advice_t give_back(hall_t *h) {
 }
 
 // The last edge against the crossing before it. Where the codes raise suspicion it is the edge that is wrong.
-HOT static void compare(hall_t *h, const six_step_view_t *view, bool reverse) {
+COLD static void compare(hall_t *h, const six_step_view_t *view, bool reverse) {
   const chip_snapshot_t *in = view->in;
   if (h->edge_count == h->judged_edges || view->m->sector_cycles == 0u) {
     return;
@@ -302,7 +302,7 @@ HOT static void compare(hall_t *h, const six_step_view_t *view, bool reverse) {
 }
 
 // Fallback: who commutates.
-HOT static hall_advice_t hand_over(hall_t *h, const six_step_view_t *view, bool reverse) {
+COLD static hall_advice_t hand_over(hall_t *h, const six_step_view_t *view, bool reverse) {
   compare(h, view, reverse);
   if (h->driving) {
     h->driving_ticks++;

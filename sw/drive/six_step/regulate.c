@@ -21,9 +21,11 @@
 #define SPEED_NOISE 512
 // EMF of a pair of sinusoidal phases within a sector, over its mean: 1 + 0.5586 (1/12 - y^2), y from the middle.
 #define ROUND_Q16 36608
-#define ROUND_STEP_MAX_Q16 8192
+#define ROUND_STEP_MAX_Q16 16384
 // Voltage at the end of a sector that unequal fluxes add, over the difference of the pairs beside it: pi / (3 sqrt 3).
 #define LEAN_Q16 39622
+// What is left of the pairs' difference at their commutation: 1 - pi / (6 sqrt 3).
+#define STEP_Q16 45725
 // Trim of a firm drive over what a speed over the turn allows.
 #define FIRM_TRIM 3
 // Fewest ticks of the lag: a measured speed is taken at most every second tick.
@@ -36,6 +38,8 @@
 // Share of the speed that the ramp may have gone since the measured one.
 #define FLUX_REST 64
 #define DEAD_STEEP_MAX 64
+// Integral of a firm drive where the load is near the boundary's current.
+#define BOUNDARY_SLOWER 4
 // Share of the current limit by which a bound may be wrong.
 #define ROOM 8
 #define BRAKE_ROOM 16
@@ -187,6 +191,13 @@ static int32_t stiffness_q16(const scheduled_t *g, const six_step_view_t *view, 
   return pwm->discontinuous ? mul_q16(delayed_q16, mul_q16(pwm->share_q16, p->discontinuous_q16)) : delayed_q16;
 }
 
+// Of a load near the boundary's current dead times take more with each ampere: as a resistance many times the line's,
+// with which the EMF holds the rotor that much later.
+static bool at_boundary(const regulate_t *r) {
+  const int32_t boundary_i_q25 = r->scheduled.boundary.current_i_q25;
+  return abs_sat(abs_sat(r->speed_pi.integral_q5 >> PI_INTEGRAL_BITS) - boundary_i_q25) < boundary_i_q25 / 2;
+}
+
 // Gains of the speed regulator. The speed is a mean over an electrical turn: where that is long against the bandwidth the
 // gains shrink. The integral cancels the rotor's time constant on the EMF line, but is no slower than a quarter of the
 // bandwidth.
@@ -207,7 +218,8 @@ static void schedule_speed(regulate_t *r, const six_step_view_t *view, const pwm
   const int32_t line_q16 = stiffness_q16(g, view, pwm, turns_q16);
   const int32_t held = firm ? mul_q16(p->speed_kp_stiffness >> room, line_q16) : mul_q16(p->speed_kp_stiffness, line_q16) / 2;
   g->speed.kp = (gain_t){moved + held, p->speed_kp_shift - room};
-  const int32_t slow = firm ? greater(moved, 4 * held) : moved + held;
+  const int32_t whole = firm ? greater(moved, 4 * held) : moved + held;
+  const int32_t slow = (firm && at_boundary(r)) ? whole / BOUNDARY_SLOWER : whole;
   g->speed.ki = (gain_t){mul_q16(mul_q16(slow, p->speed_wt_q16), g->scale_q16), p->speed_kp_shift - room};
   // Noise of the speed at the lower bound must not become a torque.
   g->noise_i_q25 = gain_apply(view->m->speed_rpm_q8 / SPEED_NOISE, g->speed.kp);
@@ -434,28 +446,59 @@ HOT static int32_t braking_bound(const regulate_t *r, const six_step_view_t *vie
   return emf_v_q25 - gain_apply(brake_i_q25, g->resistance) - gain_apply(margin_q17, gains->kp);
 }
 
-// From the middle of a sector, in parts of it, when the voltage of this tick is applied, one to two ticks from now.
-HOT static int32_t from_middle_q16(const measured_t *m) {
-  const int32_t y_q16 = m->place_q16 + m->place_step_q16 * 3 / 2 - ONE_Q16 / 2;
-  return clamp_i32(y_q16 - ((y_q16 > ONE_Q16 / 2) ? ONE_Q16 : 0), -ONE_Q16 / 2, ONE_Q16 / 2);
+// Where in a sector the voltage of this tick is applied, one to two ticks from now.
+typedef struct {
+  uint32_t pair;       // of the middle of that tick
+  int32_t y_q16;       // that middle, from the one of the sector, in parts of it
+  int32_t beyond_q16;  // what of the tick lies beyond the nearer commutation, in parts of the sector
+  int32_t share_q16;   // and of the tick
+} spot_t;
+
+SMALL_CODE_BEGIN
+static spot_t spot_of(const measured_t *m) {
+  const int32_t step_q16 = m->place_step_q16;
+  const int32_t y_q16 = m->place_q16 + step_q16 * 3 / 2 - ONE_Q16 / 2;
+  const bool next = y_q16 > ONE_Q16 / 2;
+  spot_t spot = {m->commutations + (next ? 1u : 0u), 0, 0, 0};
+  spot.y_q16 = clamp_i32(y_q16 - (next ? ONE_Q16 : 0), -ONE_Q16 / 2, ONE_Q16 / 2);
+  const int32_t beyond_q16 = abs_sat(spot.y_q16) + step_q16 / 2 - ONE_Q16 / 2;
+  if (beyond_q16 > 0) {
+    spot.beyond_q16 = beyond_q16;
+    spot.share_q16 = (beyond_q16 << 16) / step_q16;
+  }
+  return spot;
 }
 
-// What the EMF of a sinusoidal pair has more than its mean.
-HOT static int32_t rounding_v_q25(int32_t emf_v_q25, int32_t y_q16) {
-  return mul_q16(emf_v_q25, mul_q16(ONE_Q16 / 12 - mul_q16(y_q16, y_q16), ROUND_Q16));
+// What the EMF of a sinusoidal pair has more than its mean: at a commutation it turns and rises again.
+static int32_t rounding_v_q25(int32_t emf_v_q25, const spot_t *spot) {
+  const int32_t cusp_q16 = mul_q16(spot->beyond_q16, spot->share_q16);
+  return mul_q16(emf_v_q25, mul_q16(ONE_Q16 / 12 - mul_q16(spot->y_q16, spot->y_q16) + cusp_q16, ROUND_Q16));
 }
 
 // The same of this pair beside the others: of unequal fluxes. A sinusoidal pair leans on the flux that it has in common with
 // the last one at first, with the next one at last.
-HOT static int32_t pair_v_q25(const regulate_t *r, const six_step_view_t *view, int32_t emf_v_q25, int32_t y_q16) {
-  const measured_t *m = view->m;
-  const int32_t *more_q20 = r->pair_emf.more_q20;
-  const uint32_t next = (m->place_q16 + m->place_step_q16 * 3 / 2 > ONE_Q16) ? 1u : 0u;
-  const uint32_t pair = (m->commutations + next) % PAIRS;
-  const int32_t apart_q20 = more_q20[(pair + 1u) % PAIRS] - more_q20[(pair + PAIRS - 1u) % PAIRS];
-  const int32_t leans_q20 = (view->p->zcd_linear == 0) ? mul_q16(apart_q20, mul_q16(y_q16, LEAN_Q16)) : 0;
-  return mul_q16(emf_v_q25, more_q20[pair] + leans_q20) / 16;
+static int32_t pair_v_q25(const regulate_t *r, int32_t emf_v_q25, const spot_t *spot, bool sinusoidal) {
+  const int32_t own_q20 = r->pair_emf.more_q20[spot->pair % PAIRS];
+  const int32_t next_q20 = r->pair_emf.more_q20[(spot->pair + 1u) % PAIRS];
+  const int32_t last_q20 = r->pair_emf.more_q20[(spot->pair + 2u) % PAIRS];
+  const int32_t other_q20 = ((spot->y_q16 > 0) ? next_q20 : last_q20) - own_q20;
+  const int32_t lean_q16 = sinusoidal ? mul_q16(spot->y_q16, LEAN_Q16) : 0;
+  const int32_t beyond_q16 = mul_q16(spot->share_q16, sinusoidal ? STEP_Q16 : ONE_Q16);
+  return mul_q16(emf_v_q25, own_q20 + mul_q16(next_q20 - last_q20, lean_q16) + mul_q16(other_q20, beyond_q16)) / 16;
 }
+
+// Both. Where a sector has only few ticks the inductance evens the EMF out.
+__attribute__((noinline)) static int32_t shape_now_v_q25(const regulate_t *r, const six_step_view_t *view, int32_t emf_v_q25, bool by_pair) {
+  const bool sinusoidal = view->p->zcd_linear == 0;
+  if (view->m->place_step_q16 > ROUND_STEP_MAX_Q16) {
+    return 0;
+  }
+  const spot_t spot = spot_of(view->m);
+  const int32_t round_v_q25 = sinusoidal ? rounding_v_q25(emf_v_q25, &spot) : 0;
+  return round_v_q25 + (by_pair ? pair_v_q25(r, emf_v_q25, &spot, sinusoidal) : 0);
+}
+
+SMALL_CODE_END
 
 // Voltage for the reference, between the limits of duty, slew and the currents in both directions. While diodes end the
 // current of each carrier the reference alone gives the pulse, and the measured current says nothing of the EMF.
@@ -466,12 +509,8 @@ HOT static int32_t voltage_step(regulate_t *r, const pwm_t *pwm, const six_step_
   const scheduled_t *g = &r->scheduled;
   const limiter_gains_t gains = {p->limiter_kp, p->limiter_ki};
   const int32_t mean_v_q25 = emf_now_v_q25(r, view);
-  // Where a sector has only few ticks the inductance evens the EMF out.
-  const bool follows = m->place_step_q16 <= ROUND_STEP_MAX_Q16;
-  const bool by_pair = follows && holds_firm(view);
-  const int32_t y_q16 = from_middle_q16(m);
-  const int32_t round_v_q25 = (follows && p->zcd_linear == 0) ? rounding_v_q25(mean_v_q25, y_q16) : 0;
-  const int32_t shape_v_q25 = round_v_q25 + (by_pair ? pair_v_q25(r, view, mean_v_q25, y_q16) : 0);
+  const bool by_pair = m->place_step_q16 <= ROUND_STEP_MAX_Q16 && holds_firm(view);
+  const int32_t shape_v_q25 = shape_now_v_q25(r, view, mean_v_q25, by_pair);
   const int32_t emf_v_q25 = mean_v_q25 + shape_v_q25;
   // The integral knows by how much the EMF is wrong: of flux and temperature.
   const int32_t trimmed_v_q25 = emf_v_q25 + (r->current_pi.integral_q5 >> PI_INTEGRAL_BITS);
