@@ -225,7 +225,7 @@ class Design:
 
     @property
     def firm(self) -> bool:
-        """The voltage can brake and follows the ramp alone: the EMF line holds the rotor (sw/drive/six_step/regulate.c).
+        """The voltage can brake and follows the ramp alone: the EMF line holds the rotor (drive/six_step/regulate.c).
 
         With restarted carriers the volt-seconds of a sector depend on its length in steps, and the line holds the rotor
         between them only.
