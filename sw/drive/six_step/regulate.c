@@ -21,7 +21,8 @@
 #define SPEED_NOISE 512
 // EMF of a pair of sinusoidal phases within a sector, over its mean: 1 + 0.5586 (1/12 - y^2), y from the middle.
 #define ROUND_Q16 36608
-#define ROUND_STEP_MAX_Q16 16384
+#define ROUND_STEP_MAX_Q16 8192
+#define ROUND_STEP_MAX_FIRM_Q16 16384
 // Voltage at the end of a sector that unequal fluxes add, over the difference of the pairs beside it: pi / (3 sqrt 3).
 #define LEAN_Q16 39622
 // What is left of the pairs' difference at their commutation: 1 - pi / (6 sqrt 3).
@@ -39,7 +40,7 @@
 #define FLUX_REST 64
 #define DEAD_STEEP_MAX 64
 // Integral of a firm drive where the load is near the boundary's current.
-#define BOUNDARY_SLOWER 4
+#define BOUNDARY_SLOWER 3
 // Share of the current limit by which a bound may be wrong.
 #define ROOM 8
 #define BRAKE_ROOM 16
@@ -488,16 +489,16 @@ static int32_t pair_v_q25(const regulate_t *r, int32_t emf_v_q25, const spot_t *
 }
 
 // Both. Where a sector has only few ticks the inductance evens the EMF out.
-__attribute__((noinline)) static int32_t shape_now_v_q25(const regulate_t *r, const six_step_view_t *view, int32_t emf_v_q25, bool by_pair) {
+__attribute__((noinline)) static int32_t shape_v_q25(const regulate_t *r, const six_step_view_t *view, int32_t emf_v_q25,
+                                                     bool by_pair) {
   const bool sinusoidal = view->p->zcd_linear == 0;
-  if (view->m->place_step_q16 > ROUND_STEP_MAX_Q16) {
+  if (!by_pair && view->m->place_step_q16 > ROUND_STEP_MAX_Q16) {
     return 0;
   }
   const spot_t spot = spot_of(view->m);
   const int32_t round_v_q25 = sinusoidal ? rounding_v_q25(emf_v_q25, &spot) : 0;
   return round_v_q25 + (by_pair ? pair_v_q25(r, emf_v_q25, &spot, sinusoidal) : 0);
 }
-
 SMALL_CODE_END
 
 // Voltage for the reference, between the limits of duty, slew and the currents in both directions. While diodes end the
@@ -509,9 +510,9 @@ HOT static int32_t voltage_step(regulate_t *r, const pwm_t *pwm, const six_step_
   const scheduled_t *g = &r->scheduled;
   const limiter_gains_t gains = {p->limiter_kp, p->limiter_ki};
   const int32_t mean_v_q25 = emf_now_v_q25(r, view);
-  const bool by_pair = m->place_step_q16 <= ROUND_STEP_MAX_Q16 && holds_firm(view);
-  const int32_t shape_v_q25 = shape_now_v_q25(r, view, mean_v_q25, by_pair);
-  const int32_t emf_v_q25 = mean_v_q25 + shape_v_q25;
+  const bool by_pair = m->place_step_q16 <= ROUND_STEP_MAX_FIRM_Q16 && holds_firm(view);
+  const int32_t more_v_q25 = shape_v_q25(r, view, mean_v_q25, by_pair);
+  const int32_t emf_v_q25 = mean_v_q25 + more_v_q25;
   // The integral knows by how much the EMF is wrong: of flux and temperature.
   const int32_t trimmed_v_q25 = emf_v_q25 + (r->current_pi.integral_q5 >> PI_INTEGRAL_BITS);
   // The magnitude of a braking current has its own limit.
@@ -558,7 +559,7 @@ HOT static int32_t voltage_step(regulate_t *r, const pwm_t *pwm, const six_step_
   limiter_update(&r->limiter, &gains, g->resistive_v_q25, margin_q17, above);
   if (by_pair) {
     const pair_emf_gains_t pair = {{p->resistance_low, p->resistance_shift + 8}, p->pair_inductance, p->pair_spring};
-    pair_emf_step(&r->pair_emf, &pair, output - shape_v_q25, mean_v_q25, m->line_i_q25, p->loop_filter_shift,
+    pair_emf_step(&r->pair_emf, &pair, output - more_v_q25, mean_v_q25, m->line_i_q25, p->loop_filter_shift,
                   m->commutations);
   } else {
     pair_emf_pause(&r->pair_emf);
