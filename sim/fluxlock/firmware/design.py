@@ -231,7 +231,7 @@ class Design:
         between them only.
         """
         drive = self.s.drive
-        return bool(drive.sync_rect) and not drive.current_loop and drive.zcd.balance != "none"
+        return bool(drive.sync_rect) and not drive.current_loop and drive.zcd.model_dump()["balance"] != "none"
 
     @property
     def carrier_moves_rotor(self) -> bool:
