@@ -9,18 +9,21 @@ import pytest
 
 from fluxverify import live_bench
 
-PICTURES = 20
+PICTURES = 60
 
 
 def test_redraw() -> None:
-    """Twelve traces of 50 000 points are drawn again and again; the processor time is part of the time.
+    """Twelve traces of 50 000 points: a picture costs less processor time than the limit of its redraw.
+
+    The time itself depends on what else the machine does, so the command has its limit, `live_bench redraw`.
 
     Verifies: LIVE-16
     """
     if live_bench.browser_path() is None:
         pytest.skip("no Chromium here: apt install chromium-headless-shell")
     times, mean_ms = live_bench.redraw_ms(PICTURES)
-    assert len(times) >= PICTURES and min(times) > 0.0 and mean_ms > 0.0
+    assert len(times) >= PICTURES and min(times) > 0.0
+    assert 0.0 < mean_ms <= live_bench.REDRAW_MOST_MS
 
 
 def test_no_browser(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -196,7 +196,7 @@ def test_vendored() -> None:
     """
     for name, digest in VENDORED.items():
         assert hashlib.sha256((PAGE / "vendor" / name).read_bytes()).hexdigest() == digest
-    for name in ("index.html", "live.js", "pictures.js", "live.css"):
+    for name in ("index.html", "live.js", "pictures.js", "lines.js", "live.css"):
         text = (PAGE / name).read_text(encoding="utf-8")
         assert "//" not in re.sub(r"^\s*//.*$|  //.*$", "", text, flags=re.MULTILINE)
 

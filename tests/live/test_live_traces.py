@@ -37,11 +37,37 @@ def test_extremes() -> None:
     rows[5, 31_234] = 99.0
     ring = Ring()
     ring.append(time_s, rows)
-    shown, picture = ring.picture(0.0, time_s[-1] + 1.0, list(NAMES[:12]), WIDTH)
+    shown, picture = ring.picture(0.0, POINTS * 5e-5, list(NAMES[:12]), WIDTH)
     assert picture.shape == (12, 2 * WIDTH) and shown.size == 2 * WIDTH and np.all(np.diff(shown) > 0.0)
     assert picture[5].max() == 99.0
     assert np.array_equal(picture.max(axis=1), rows[:12].max(axis=1))
     assert np.array_equal(picture.min(axis=1), rows[:12].min(axis=1))
+
+
+def test_a_pixel_is_a_stretch_of_time() -> None:
+    """Rows that come in bursts: an extreme stands in its pixel, and between bursts stands the last row's value.
+
+    Verifies: LIVE-05
+    """
+    ring, width = Ring(), 100
+    time_s = np.concatenate([0.1 + np.arange(1000) * 1e-5, 0.8 + np.arange(1000) * 1e-5])
+    rows = np.zeros((len(NAMES), 2000), np.float32)
+    rows[0, 300], rows[1, 999:1001] = 9.0, 5.0  # within the first burst; end of it and begin of the second
+    ring.append(time_s, rows)
+    shown, picture = ring.picture(0.0, 1.0, list(NAMES[:2]), width)
+    assert np.all(np.diff(shown) >= 0.0) and shown.size <= 4 * width
+    assert abs(shown[picture[0].argmax()] - time_s[300]) <= 1.0 / width
+    before, after = np.searchsorted(shown, 0.5) - 1, np.searchsorted(shown, 0.5)
+    assert (shown[before], shown[after]) == (time_s[999], time_s[1000])
+    assert picture[:, before].tolist() == picture[:, after].tolist() == [0.0, 5.0]
+
+
+def test_a_falling_trace_falls() -> None:
+    """Within a pixel the extremes come in the order in which the trace goes."""
+    ring, time_s = Ring(), np.arange(2000) * 1e-4
+    ring.append(time_s, np.tile(-time_s.astype(np.float32), (len(NAMES), 1)))
+    _, picture = ring.picture(0.0, 0.2, [NAMES[0]], 100)
+    assert picture.shape == (1, 200) and np.all(np.diff(picture[0]) < 0.0)
 
 
 def test_few_points_are_sent_as_they_are() -> None:

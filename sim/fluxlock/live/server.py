@@ -39,6 +39,7 @@ STATIC = {
     "": ("index.html", "text/html"),
     "live.js": ("live.js", "text/javascript"),
     "pictures.js": ("pictures.js", "text/javascript"),
+    "lines.js": ("lines.js", "text/javascript"),
     "live.css": ("live.css", "text/css"),
     "uPlot.js": ("vendor/uPlot.iife.min.js", "text/javascript"),
     "uPlot.css": ("vendor/uPlot.min.css", "text/css"),

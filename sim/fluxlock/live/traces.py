@@ -199,18 +199,27 @@ class Ring:
         return shown | known
 
     def picture(self, from_s: float, to_s: float, names: list[str], width: int) -> tuple[Floats, Floats]:
-        """Times and traces of a span, of more than two rows per pixel the least and the largest value."""
+        """Times and traces of a span, of more than two rows per pixel the least and the largest value.
+
+        A pixel is a stretch of time. Next to pixels without a row stand the rows themselves, so a line between them is
+        where it belongs.
+        """
         time_s, rows = self.cut(from_s, to_s, names)
         if time_s.size <= 2 * width:
             return time_s, rows
-        edges = np.linspace(0, time_s.size, width, endpoint=False).astype(np.int64)
-        both = np.empty((len(names), 2 * width), np.float32)
-        both[:, 0::2] = np.fmin.reduceat(rows, edges, axis=1)
-        both[:, 1::2] = np.fmax.reduceat(rows, edges, axis=1)
-        shown = np.empty(2 * width)
-        shown[0::2] = time_s[edges]
-        shown[1::2] = time_s[(edges + np.append(edges[1:], time_s.size)) // 2]
-        return shown, both
+        begins = np.searchsorted(time_s, np.linspace(from_s, to_s, width, endpoint=False))
+        pixels = np.flatnonzero(np.diff(begins, append=time_s.size))
+        first = begins[pixels]
+        last = np.append(first[1:], time_s.size) - 1
+        low, high = np.fmin.reduceat(rows, first, axis=1), np.fmax.reduceat(rows, first, axis=1)
+        falls = rows[:, last] < rows[:, first]
+        both = np.empty((len(names), 2 * pixels.size), np.float32)
+        both[:, 0::2], both[:, 1::2] = np.where(falls, high, low), np.where(falls, low, high)
+        shown = np.column_stack([time_s[first], time_s[last]]).ravel()
+        alone = np.flatnonzero(np.diff(pixels) > 1)
+        edges = np.column_stack([last[alone], first[alone + 1]]).ravel()
+        at = np.repeat(2 * (alone + 1), 2)
+        return np.insert(shown, at, time_s[edges]), np.insert(both, at, rows[:, edges], axis=1)
 
     def last_crossing(self, name: str, level: float, rising: bool, size: bool, until_s: float) -> float | None:
         """Time of the last passage of a level before an instant; None: there is none in what is kept."""

@@ -58,6 +58,7 @@ class Worker:
             self.source = Twin(shown, self._seed)
         self._send({"kind": "hello"} | self.source.hello())
         self._due = time.monotonic()
+        self._round: tuple[float, float] | None = None  # begin of the round before, and the source's time there
         self._told = 0
         self._before = 0  # state of the drive before its fault
 
@@ -97,6 +98,7 @@ class Worker:
     def _advance(self) -> None:
         """What the clock has come on by; a source that is too slow for it does not race to catch up."""
         begin, from_s = time.monotonic(), self.source.now
+        self._reach(begin, from_s)
         if self._step_s > 0.0:
             while self._step_s > 0.0 and time.monotonic() < begin + ROUND_S:
                 before = self.source.now
@@ -104,10 +106,8 @@ class Worker:
                 self._step_s = 0.0 if came else max(0.0, self._step_s - (self.source.now - before))
                 if self._step_s < 1e-9:
                     self._step_s = 0.0
-            self.reached = 0.0
             return
         if self.wanted == 0.0:
-            self.reached = 0.0
             return
         self._due = max(self._due, begin - LAG_S)
         goal_s = from_s + min((begin - self._due) * self.wanted, KEPT_S - 2 * SLICE_S)
@@ -117,8 +117,15 @@ class Worker:
         rest = begin + ROUND_S - time.monotonic()
         if rest > 0.0:
             self._pipe.poll(rest)
-        factor = (self.source.now - from_s) / max(time.monotonic() - begin, 1e-6)
-        self.reached += SHARE * (factor - self.reached)
+
+    def _reach(self, begin: float, now_s: float) -> None:
+        """Time factor of the rounds until now, with all that a round does beside its simulation; 0 while paused."""
+        before, self._round = self._round, (begin, now_s)
+        if self.wanted == 0.0:
+            self.reached = 0.0
+        elif before is not None:
+            factor = (now_s - before[1]) / max(begin - before[0], 1e-6)
+            self.reached += SHARE * (factor - self.reached)
 
     def _tell(self) -> None:
         time_s, rows = self.source.take()

@@ -16,7 +16,7 @@ const MARK_COLOURS = ["#9467bd", "#2ca02c", "#ff7f0e", "#c62828", "#1565c0", "#c
 const SHOWN = ["speed_rpm", "measured_rpm", "reference_rpm", "ia", "ib", "ic", "idc", "iq", "motor_a", "vdc", "torque_nm",
   "angle_error_deg", "state"];
 const COLOURS = ["#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2"];
-const AGAIN_MS = 1000, PLANES_MS = 200;
+const AGAIN_MS = 1000, PLANES_MS = 200, DROPPED_MS = 100;
 
 /** @param {string} id @returns {any} */
 const at = (id) => document.getElementById(id);
@@ -34,8 +34,8 @@ let heldTo = null;
 /** @type {number|null} span of a part that was chosen with the mouse */
 let heldSpan = null;
 let last = { from: 0, to: 0, newest: 0 };
-/** times of drawing, ms; read by tests */
-const drawn = { count: 0, /** @type {number[]} */ times: [] };
+/** times of drawing, ms, and times of DROPPED_MS without a new picture; read by tests */
+const drawn = { count: 0, /** @type {number[]} */ times: [], dropped: 0, newest: performance.now() };
 Object.assign(window, { fluxlockDrawn: drawn });
 
 /** @param {object} message */
@@ -224,7 +224,7 @@ function layout() {
       padding: [8, 16, 0, 0],
       axes: [lowest ? { ...axis, label: "time / s", size: 32, labelSize: 16, values: inSteps } : { ...axis, size: 4, values: () => [] },
         { ...axis, label: unit, size: 64, labelSize: 18, ...(lanes ? laneAxis(names) : {}) }],
-      series: [{ label: "t / s" }, ...names.map((name, n) => ({ label: name, stroke: COLOURS[n % COLOURS.length], width: 1, points: { show: false }, ...(lanes ? { value: (/** @type {any} */ _, /** @type {number|null} */ v) => (v === null ? "-" : String(Math.round(v - LANE * (names.length - 1 - n)))) } : {}) }))],
+      series: [{ label: "t / s" }, ...names.map((name, n) => ({ label: name, stroke: COLOURS[n % COLOURS.length], width: 1, paths: lines, points: { show: false }, ...(lanes ? { value: (/** @type {any} */ _, /** @type {number|null} */ v) => (v === null ? "-" : String(Math.round(v - LANE * (names.length - 1 - n)))) } : {}) }))],
     };
     // @ts-ignore: uPlot comes from its own file
     return { unit, names, plot: new uPlot(options, [[], ...names.map(() => [])], at("plots")) };
@@ -353,10 +353,15 @@ function draw(data) {
   if (searching) at("triggered").textContent = Number.isNaN(trigger) ? "waiting" : `at ${trigger.toFixed(5)} s`;
   if (searching && !Number.isNaN(trigger) && at("mode").value === "single") hold(to);
   requestAnimationFrame(() => {
-    drawn.count += 1;
-    drawn.times.push(performance.now() - begin);
-    if (drawn.times.length > 500) drawn.times.shift();
     ask();
+    setTimeout(() => {  // once this frame is painted
+      const now = performance.now();
+      drawn.count += 1;
+      drawn.times.push(now - begin);
+      drawn.dropped += Math.floor((now - drawn.newest) / DROPPED_MS);
+      drawn.newest = now;
+      if (drawn.times.length > 500) drawn.times.shift();
+    });
   });
 }
 
