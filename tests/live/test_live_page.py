@@ -24,12 +24,16 @@ from typer.testing import CliRunner
 from fluxlock.cli import app
 from fluxlock.config import ConfigError, load_scenario
 from fluxlock.cosim.outcome import finished
+from fluxlock.cosim.run import run_scenario
 from fluxlock.firmware.binding import names
 from fluxlock.live import cli
 from fluxlock.live.server import PAGE
+from fluxlock.live.traces import COMPARATORS, GATES
 from fluxlock.native.player import player
 
 SCENARIO = "scenarios/own-spindle.toml"
+SPINNING = "scenarios/spinning.toml"
+SLOWER_RPM, LOWER_RPM = 45_000, 50_500.0  # target of the slider, and speed on the way to it
 INJECTION = "scenarios/vector/ipm-injection.toml"
 BROWSERS = ("chromium-headless-shell", "chromium", "google-chrome")
 START_MS, CHANGE_MS = 600_000, 120_000  # no limits of speed: what never comes
@@ -46,9 +50,9 @@ def browser_path() -> str | None:
 
 
 @contextlib.contextmanager
-def running(folder: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
-    """The command on a free port; its address, and its process."""
-    command = [sys.executable, "-m", "fluxlock", "live", SCENARIO, "--port", "0", "--out", str(folder)]
+def running(folder: Path, *source: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """The command on a free port; its address, and its process. source: in place of SCENARIO."""
+    command = [sys.executable, "-m", "fluxlock", "live", *(source or (SCENARIO,)), "--port", "0", "--out", str(folder)]
 
     def hear() -> None:
         """A test that runs in the background of a shell has been told to ignore Ctrl-C."""
@@ -148,6 +152,39 @@ def test_page(page: Page, tmp_path: Path) -> None:
     outcome = finished(player(scenario, scenario.seed).run(), scenario)
     assert outcome.result["fault"] == fault and outcome.verdict.passed, outcome.verdict.lines
     wait_for(page, "banner", "The connection is lost")
+
+
+def test_chip_page(page: Page, tmp_path: Path) -> None:
+    """The chip in the browser: it runs, a slider slows it down, an open phase ends in its fault, as its export does.
+
+    Lanes of gates and comparators are there, and the load of the core. A trigger meets the angle error that follows.
+
+    Verifies: LIVE-13, LIVE-15, LIVE-18
+    """
+    with running(tmp_path, SPINNING, "--chip") as (address, _):
+        page.goto(address)
+        wait_for(page, "name", "spinning — chip", START_MS)
+        wait_for(page, "state", "running", START_MS)
+        wait_for(page, "load-core", "core ")
+        lanes = page.evaluate("panels.find((panel) => panel.unit === 'level').names")
+        assert lanes == [*GATES[:6], *COMPARATORS]
+        newest = "panels.find((p) => p.names.includes('speed_rpm')).plot.data[1].at(-1)"
+        before = page.evaluate(newest)
+        page.evaluate(f"at('speed').value = {SLOWER_RPM}; at('speed').onchange()")
+        wait_for(page, "said", f"set speed_rpm {SLOWER_RPM} ok")
+        assert before > LOWER_RPM + 500.0
+        until(page, f"{newest} < {LOWER_RPM}")
+        page.select_option("#trigger", "angle_error_deg")
+        page.select_option("#edge", "size")
+        page.click("text=Open phase A")
+        wait_for(page, "state", "fault")
+        fault = page.inner_text("#fault")
+        wait_for(page, "triggered", "at ")
+        page.click("#export")
+        wait_for(page, "files", "fluxlock run ")
+    scenario = load_scenario(tmp_path / "my-play.toml")
+    outcome = finished(run_scenario(scenario, tmp_path / "run", scenario.seed), scenario)
+    assert outcome.result["fault"] == fault and outcome.verdict.passed, outcome.verdict.lines
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fluxlock.base.paths import BUILD
+from fluxlock.can.timing import chip_timing
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario
 from fluxlock.config.scenario import Event, Fault
@@ -26,10 +27,13 @@ from fluxlock.cosim.run import chip_of, image_of, prepare
 from fluxlock.firmware.binding import names, new, types
 from fluxlock.headers import CData
 from fluxlock.live import messages
+from fluxlock.live.bus import BusLoad, Companion
 from fluxlock.live.estimate import Estimate
+from fluxlock.live.freewheel import Freewheel
 from fluxlock.live.played import Played
 from fluxlock.live.simulated import LINK_ENV, Go, Report
-from fluxlock.live.traces import GATES, NAMES, TOLD, Floats, Marks, columns, marks_of
+from fluxlock.live.source import RefusedError
+from fluxlock.live.traces import GATES, MARKS, NAMES, SIX_STEP_ONLY, TOLD, Floats, Marks, columns, marks_of
 from fluxlock.native.play import Taken
 from fluxlock.results.rundata import IntArray, LogKind, RecordArray
 
@@ -75,6 +79,11 @@ class Chip(Played):
             final_commands=(),
             batch_cycles=SLICE_CYCLES,
         )
+        self._bus: BusLoad | None = None
+        if (bus := scenario.can) is not None:
+            timing = chip_timing(CLOCK_HZ, bus.bit_rate_kbit_per_s)
+            made = replace(made, peer=Companion(timing, bus.node_id), log_can=True)
+            self._bus = BusLoad(timing.bit_cycles)
         self._link, theirs = Pipe()
         env = simulator_environment(made.save(), folder / "results.xml", chip.top, "fluxlock.live.simulated")
         env[LINK_ENV] = str(theirs.fileno())
@@ -90,6 +99,7 @@ class Chip(Played):
         self._waiting: list[Event] = []  # for the console's answer
         self._marks: Marks = []
         self._estimate = Estimate(scenario.drive.method, scenario.drive.carrier_hz)
+        self._freewheel = Freewheel() if scenario.drive.method == "six-step" else None
         self._load = np.nan  # of the core, %
         self._rounds = (0, 0)  # of the idle main loop, and the clock
 
@@ -113,6 +123,7 @@ class Chip(Played):
         """What a page draws itself from."""
         legs = self.scenario.motor.phases
         without = ["motor_a", *GATES[2 * legs :], *(("current_d", "current_e") if legs == 3 else ())]
+        without += [*(SIX_STEP_ONLY if self._freewheel is None else ()), *(("bus_load",) if self._bus is None else ())]
         carrier_s = 1.0 / self.scenario.drive.carrier_hz
         steps = [["a clock", 1.0 / CLOCK_HZ, "end"], ["a carrier", carrier_s, "end"], ["a tick", 0.01, "tick"]]
         if self.scenario.drive.method == "six-step":
@@ -150,6 +161,8 @@ class Chip(Played):
         self._cycle = report.cycle
         self._records.append(report.records)
         self._logs.append(report.log)
+        if self._bus is not None:
+            self._bus.follow(report.log, report.cycle)
         types().buffer(self._told)[:] = report.telemetry
         for cycle, line, answer in report.answers:
             self._hear(cycle, line, answer)
@@ -199,13 +212,17 @@ class Chip(Played):
         log: IntArray = np.concatenate(self._logs)
         self._records.clear()
         self._logs.clear()
-        self._marks += marks_of(log, CLOCK_HZ, int(self._last[TOLD.index("state")]))
+        margin, masked = self._freewheel.follow(records, log) if self._freewheel is not None else (np.nan, [])
+        found = marks_of(log, CLOCK_HZ, int(self._last[TOLD.index("state")]))
+        self._marks += sorted(found + [(cycle / CLOCK_HZ, MARKS.index("crossing masked")) for cycle in masked])
         self._causes |= int(np.bitwise_or.reduce(log[log[:, 1] == LogKind.TRIP, 2]))
         if records.size == 0:
             return np.zeros(0), np.zeros((len(NAMES), 0), np.float32)
         more = {
             "angle_error_deg": self._estimate.error_deg(records, log),
             "core_load": np.full(records.size, self._core_load()),
+            "bus_load": np.full(records.size, self._bus.percent if self._bus is not None else np.nan),
+            "margin_deg": np.broadcast_to(margin, records.shape),
         }
         time_s, rows = columns(Taken(records, log, more, 0), CLOCK_HZ, self.scenario.motor.pole_pairs, self._last)
         self._note_speed(time_s, rows)
@@ -229,7 +246,15 @@ class Chip(Played):
 
     def status(self) -> dict[str, Any]:
         """The drive as it is."""
-        return super().status() | {"core_load": self._load if np.isfinite(self._load) else None}
+        bus = self._bus.percent if self._bus is not None else np.nan
+        loads = {"core_load": self._load, "bus_load": bus}
+        return super().status() | {name: load if np.isfinite(load) else None for name, load in loads.items()}
+
+    def export(self, name: str) -> dict[str, str]:
+        """Texts by file name of a scenario that repeats what was done; RefusedError with a bus."""
+        if self._bus is not None:
+            raise RefusedError("a run has no node on its bus, so it cannot repeat this play; leave [can] out")
+        return super().export(name)
 
 
 def _folder() -> Path:

@@ -133,9 +133,6 @@ def shown_of(
     scenario = checked(source, set_, allow_overload)
     used = scenario.seed if seed is None else seed
     if chip:
-        if scenario.can is not None:
-            text = "this page gives its commands by the console; leave [can] out"
-            raise ConfigError([scenario.sources.problem("can", text)])
         return ChipPlan(scenario), used
     check_playable(scenario)
     return scenario, used

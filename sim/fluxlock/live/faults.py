@@ -74,4 +74,6 @@ def never(scenario: Scenario) -> dict[str, str]:
     if scenario.drive.hall.mode != "off":
         order = "wires do not change places in a running drive; to begin with them changed, change motor.hall"
     bus = "this drive has no bus: its commands come from the page"
+    if scenario.can is not None:
+        bus = "the page's node on the bus never falls silent; `fluxlock can` puts your own node there"
     return {"Wrong phase order": order, "Silent bus": bus}

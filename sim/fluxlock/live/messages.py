@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 from fluxlock.config.scenario import Fault
 
 LONGEST = 16_384  # bytes of a message
+TRACES_MOST = 64  # in a picture
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,39}$"
 Seconds = Annotated[float, Field(ge=0.0, le=1e6, allow_inf_nan=False)]
 Trace = Annotated[str, Field(pattern=r"^[a-z_]{1,24}$")]
@@ -36,7 +37,9 @@ class Trigger(Message):
 
     trace: Trace = "state"
     level: float = Field(default=0.0, allow_inf_nan=False, ge=-1e9, le=1e9)
-    mark: Literal["", "commutation", "crossing", "crossing late", "trip", "state change", "fault"] = ""
+    mark: Literal[
+        "", "commutation", "crossing", "crossing late", "trip", "state change", "fault", "crossing masked"
+    ] = ""
     rising: bool = True
     size: bool = False
     before: float = Field(default=0.5, ge=0.0, le=1.0)
@@ -47,7 +50,7 @@ class View(Message):
     """A picture is wanted: the last `span_s`, or what ends at `to_s`, or what is around the last trigger."""
 
     kind: Literal["view"]
-    traces: list[Trace] = Field(min_length=1, max_length=32)
+    traces: list[Trace] = Field(min_length=1, max_length=TRACES_MOST)
     width: int = Field(ge=16, le=8192)  # pixels
     span_s: float = Field(ge=1e-4, le=3600.0, allow_inf_nan=False)
     to_s: Seconds | None = None
@@ -132,7 +135,7 @@ class Table(Message):
 
     kind: Literal["csv", "parquet"]
     name: str = Field(pattern=NAME)
-    traces: list[Trace] = Field(min_length=1, max_length=32)
+    traces: list[Trace] = Field(min_length=1, max_length=TRACES_MOST)
     from_s: Seconds
     to_s: Seconds
 

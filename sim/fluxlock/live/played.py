@@ -220,7 +220,7 @@ def settings_of(scenario: Scenario, seed: int) -> list[dict[str, Any]]:
     """
     probe: ScenarioPlay | None = None
     with suppress(ConfigError):
-        probe = player(scenario, seed, PROBED_S)
+        probe = player(scenario.model_copy(update={"can": None}), seed, PROBED_S)
         probe.advance(BOOT_S)
     found = []
     for setting in load_settings():

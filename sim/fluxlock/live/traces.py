@@ -46,15 +46,23 @@ TRACES = {
     "current_d": ("A", "true current of phase D, of five"),
     "current_e": ("A", "true current of phase E, of five"),
     "core_load": ("%", "time in which the soft core had something to do"),
+    "bus_load": ("%", "time in which frames were on the CAN bus"),
+    "margin_deg": ("deg", "from the end of freewheeling to the true crossing; below 0: it hid the crossing"),
     **{
         f"gate_{leg}{side[0]}": ("level", f"gate of leg {leg.upper()}, {side} switch")
         for leg in "abcde"
         for side in ("high", "low")
     },
+    **{
+        f"compare_{leg}": ("level", f"terminal {leg.upper()} above the mean of all, as an analogue comparator sees it")
+        for leg in "abc"
+    },
 }
 NAMES = tuple(TRACES)
 GATES = tuple(name for name in NAMES if name.startswith("gate_"))
-CHIP_ONLY = (*GATES, "current_d", "current_e", "core_load")  # of these sources
+COMPARATORS = tuple(name for name in NAMES if name.startswith("compare_"))
+SIX_STEP_ONLY = (*COMPARATORS, "margin_deg")
+CHIP_ONLY = (*GATES, *SIX_STEP_ONLY, "current_d", "current_e", "core_load", "bus_load")  # of these sources
 TOLD = ("measured_rpm", "reference_rpm", "target_rpm", "state", "limit")
 PLANE_POINTS = 400
 CAPACITY = 2**19  # rows; at least half of them are kept
@@ -62,7 +70,7 @@ MARKS_KEPT, MARKS_SHOWN = 2**16, 200
 
 
 # Instants that a page marks and triggers on; the place in this order is their number.
-MARKS = ("commutation", "crossing", "crossing late", "trip", "state change", "fault")
+MARKS = ("commutation", "crossing", "crossing late", "trip", "state change", "fault", "crossing masked")
 Marks = list[tuple[float, int]]  # time, s, and number in MARKS
 
 
@@ -94,6 +102,9 @@ def columns(taken: Taken, clock_hz: float, pole_pairs: int, last: Floats) -> tup
     rows[place["motor_a"]] = np.nan
     for k, name in enumerate(GATES[: 2 * len(legs)]):
         rows[place[name]] = records["gates"] >> k & 1
+    mean = sum(records[f"v{leg}"] for leg in legs) / len(legs)
+    for leg, name in zip(legs, COMPARATORS, strict=False):
+        rows[place[name]] = records[f"v{leg}"] > mean
     drive, command = updates[:, 2], updates[:, 3]
     told = np.stack(
         [

@@ -11,10 +11,10 @@
  *   max_speed_rpm: number, supply_v: number, supply_most_v: number, rated_torque_nm: number, faults: {name: string, text: string, order: object|null, why: string}[],
  *   without: string[], marks: string[], steps?: [string, number, string][]}} Hello */
 
-const LANE = 1.25;  // height of a logic lane, of which a level takes 1
-const MARK_COLOURS = ["#9467bd", "#2ca02c", "#ff7f0e", "#c62828", "#1565c0", "#c62828"], TRIGGER_COLOUR = "#d81b60";
+const LANE = 1.25, LANE_PX = 16;  // height of a logic lane, of which a level takes 1; and on the screen
+const MARK_COLOURS = ["#9467bd", "#2ca02c", "#ff7f0e", "#c62828", "#1565c0", "#c62828", "#00838f"], TRIGGER_COLOUR = "#d81b60";
 const SHOWN = ["speed_rpm", "measured_rpm", "reference_rpm", "ia", "ib", "ic", "idc", "iq", "motor_a", "vdc", "torque_nm",
-  "angle_error_deg", "state"];
+  "angle_error_deg", "margin_deg", "state"];
 const COLOURS = ["#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2"];
 const AGAIN_MS = 1000, PLANES_MS = 200, DROPPED_MS = 100;
 
@@ -119,6 +119,7 @@ function report(message) {
   at("clock").textContent = `${message.t_s.toFixed(3)} s`;
   at("pace").textContent = message.wanted === 0 ? "paused" : `time × ${Number(message.reached.toPrecision(2))} (wanted ${message.wanted})`;
   at("load-core").textContent = message.core_load == null ? "" : `core ${message.core_load.toFixed(0)} %`;
+  at("load-bus").textContent = message.bus_load == null ? "" : `bus ${message.bus_load.toFixed(1)} %`;
   at("viewers").textContent = message.viewers > 1 ? `${message.viewers} viewers share this source` : "";
   at("pause").textContent = message.wanted === 0 ? "Run" : "Pause";
   for (const [id, value, unit] of [["speed", message.target_rpm, "r/min"], ["load", message.load_factor, "×"], ["supply", message.supply_v, "V"]]) {
@@ -184,7 +185,7 @@ function build(message) {
   if (again) return;
   at("traces").replaceChildren(...message.traces.map(([name, unit, text]) => {
     const label = document.createElement("label");
-    const box = Object.assign(document.createElement("input"), { type: "checkbox", value: name, checked: (SHOWN.includes(name) || name.startsWith("gate_")) && !message.without.includes(name) });
+    const box = Object.assign(document.createElement("input"), { type: "checkbox", value: name, checked: (SHOWN.includes(name) || unit === "level") && !message.without.includes(name) });
     box.onchange = layout;
     label.title = text;
     label.append(box, ` ${name} / ${unit}`);
@@ -217,7 +218,7 @@ function layout() {
     const lanes = unit === "level";
     const axis = { stroke: ink, grid: { stroke: grid }, ticks: { stroke: grid } };
     const options = {
-      width, height,
+      width, height: lanes ? Math.max(height, LANE_PX * names.length) : height,
       cursor: { sync: { key: "scope" }, drag: { x: true, y: false, setScale: false } },
       hooks: { setSelect: [choose], draw: [drawMarks, drawCursors] },
       scales: { x: { time: false }, ...(lanes ? { y: { range: [-0.1, LANE * names.length] } } : {}) },
@@ -237,7 +238,7 @@ const inSteps = (_, splits, __, ___, step) => splits.map((value) => value.toFixe
 /** Axis of logic lanes: their names, the first on top. @param {string[]} names */
 const laneAxis = (names) => ({
   splits: () => names.map((_, k) => LANE * (names.length - 1 - k) + 0.5),
-  values: () => names.map((name) => name.replace("gate_", "")),
+  values: () => names.map((name) => name.replace("gate_", "").replace("compare_", "cmp ")),
   grid: { show: false },
 });
 
