@@ -10,6 +10,7 @@ import io
 import json
 import random
 import string
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ from websockets.typing import Origin
 from fluxlock.live import messages
 from fluxlock.live.cli import listening
 from fluxlock.live.link import Link
-from fluxlock.live.server import Server, application
+from fluxlock.live.server import Server, application, picture
 from fluxlock.live.traces import NAMES, Ring
 
 ORIGIN = "http://127.0.0.1:8437"
@@ -299,3 +300,34 @@ def test_planes(tmp_path: Path) -> None:
     assert isinstance(told, dict) and 100 < len(told["alpha"]) <= 400
     assert np.allclose(np.hypot(told["alpha"], told["beta"]), 3.0, atol=1e-4) and set(told["id"]) == {3.0}
     assert told["error_deg"] is None and told["theta_deg"] == pytest.approx(rows[NAMES.index("theta_deg"), -1])
+
+
+def test_before_the_first_time(tmp_path: Path) -> None:
+    """A span longer than what there is begins at 0; held there, it gets nothing that comes later.
+
+    Verifies: LIVE-05
+    """
+    _, link, server = client_of(tmp_path)
+    link.ring = Ring(4096)
+    asked: dict[str, Any] = {"kind": "view", "traces": ["ia"], "width": 2000, "span_s": 2.0}
+
+    def shown(**more: float) -> tuple[list[float], int]:
+        view = messages.parse(json.dumps(asked | more))
+        assert isinstance(view, messages.View)
+        data = picture(link, view)
+        return list(struct.unpack_from("<2d", data, 16)), struct.unpack_from("<4I", data)[1]
+
+    link.ring.append(np.arange(500) * 1e-3, np.zeros((len(NAMES), 500), np.float32))
+    assert shown() == ([0.0, 2.0], 500)
+    link.ring.append(0.5 + np.arange(2000) * 1e-3, np.zeros((len(NAMES), 2000), np.float32))
+    assert shown(to_s=0.499) == ([0.0, 2.0], 500)
+    span, count = shown()
+    assert span == [pytest.approx(0.499), pytest.approx(2.499)] and count == 2000 and not server.files
+
+
+def test_all_traces_at_once() -> None:
+    """A page with every box ticked gets its picture.
+
+    Verifies: LIVE-05
+    """
+    messages.parse(json.dumps({"kind": "view", "traces": list(NAMES), "width": 100, "span_s": 0.5}))

@@ -6,14 +6,16 @@
 from __future__ import annotations
 
 import json
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 
 from fluxlock.firmware.binding import names
 from fluxlock.live import messages
 from fluxlock.live.server import triggered
-from fluxlock.live.traces import MARKS, MARKS_SHOWN, NAMES, Ring, marks_of
+from fluxlock.live.traces import MARKS, MARKS_SHOWN, NAMES, TOLD, Ring, columns, marks_of
+from fluxlock.native.play import Taken
+from fluxlock.plant.trajectory import wave_dtype
 from fluxlock.results.rundata import LogKind
 
 POINTS, WIDTH = 60_000, 1200
@@ -164,3 +166,23 @@ def test_marks_of_the_messages() -> None:
     Verifies: LIVE-14
     """
     assert get_args(messages.Trigger.model_fields["mark"].annotation) == ("", *MARKS)
+
+
+def test_planes_of_five_phases() -> None:
+    """Balanced currents of five phases are a circle in the stationary plane; all five have a trace.
+
+    Verifies: LIVE-12
+    """
+    records = np.zeros(1000, wave_dtype(5))
+    records["t_cycle"] = np.arange(1000) * 1000.0
+    records["theta_e"] = np.arange(1000) * 0.05
+    for k, leg in enumerate("abcde"):
+        records[f"i{leg}"] = 3.0 * np.cos(records["theta_e"] - 2 * np.pi * k / 5)
+    time_s, rows = columns(Taken(records, np.zeros((0, 4), np.int64), {}, 0), 50e6, 3, np.zeros(len(TOLD)))
+    ring = Ring()
+    ring.append(time_s, rows)
+    shown: dict[str, Any] = ring.planes(0.0, 1.0)
+    assert np.allclose(np.hypot(shown["alpha"], shown["beta"]), 3.0, atol=1e-3) and np.ptp(shown["alpha"]) > 5.9
+    assert np.allclose(shown["id"], 3.0, atol=1e-3)
+    for name in ("ia", "current_d", "current_e"):
+        assert np.abs(rows[NAMES.index(name)]).max() > 2.9

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from fluxlock.config import load_scenario
+from fluxlock.config.motor import RPM_PER_RAD_S
 from fluxlock.config.scenario import Fault
 from fluxlock.cosim.outcome import Run, finished
 from fluxlock.interface.settings import load_settings
@@ -25,6 +26,7 @@ from fluxlock.native.player import player
 SPINDLE, VECTOR = "scenarios/own-spindle.toml", "scenarios/vector/start.toml"
 PLAYS = [(SPINDLE, 12_000), (VECTOR, 30_000)]
 START_S = 0.5  # by which both run
+TICK_V = 2e-3  # of a ramp of 26 V/s within a control tick
 
 
 def run(twin: Twin, seconds: float) -> None:
@@ -217,3 +219,47 @@ def test_settings() -> None:
         assert shown["current_limit_a"]["unit"] == "A" and shown["current_limit_a"]["low"] == 0.0
         assert float(shown["current_limit_a"]["value"]) == pytest.approx(scenario.current_limit_a, rel=1e-3)
         assert all(entry["value"] for entry in shown.values())
+
+
+def test_load_that_drives_the_rotor_off(tmp_path: Path) -> None:
+    """Behind the fault a constant load turns the rotor backwards: time stands where the model ends.
+
+    The export repeats the play, though the load's ramp goes on beyond its end.
+
+    Verifies: LIVE-04, LIVE-07
+    """
+    scenario = load_scenario("scenarios/six-step/torque-limit.toml")
+    twin = Twin(scenario, scenario.seed)
+    for _ in range(2000):
+        twin.advance(0.005)
+        twin.take()
+    assert twin.now < 5.0 and twin.status()["state"] == "fault"
+    assert -4.0 < twin.play.shaft[0] * RPM_PER_RAD_S / scenario.motor.max_speed_rpm < -3.0
+    assert [entry for entry in twin.said if "model ends here" in entry["text"]] == twin.said[-1:]
+    again, _ = repeated(twin, tmp_path)
+    assert again.now == pytest.approx(twin.now) and again.shaft == pytest.approx(twin.play.shaft, rel=1e-9)
+
+
+def test_export_within_ramps(tmp_path: Path) -> None:
+    """Two ramps of the supply, the second before the end of the first, and an export before the end of the second.
+
+    Verifies: LIVE-04
+    """
+    scenario = load_scenario(VECTOR)
+    twin = Twin(scenario, scenario.seed)
+    run(twin, START_S)
+    for volt in (24.0, 22.0):
+        twin.act(messages.Supply(kind="supply", volt=volt, ramp_s=0.1))
+        run(twin, 0.04)
+    again, outcome = repeated(twin, tmp_path)
+    assert outcome.verdict.passed, outcome.verdict.lines
+    assert again.supply_v == pytest.approx(twin.play.supply_v, abs=TICK_V) and 23.0 < again.supply_v < 24.0
+    assert again.shaft == pytest.approx(twin.play.shaft, rel=1e-4)
+
+
+def test_five_phases() -> None:
+    """The page of a five-phase twin has the currents of all its phases."""
+    twin = Twin(load_scenario("scenarios/five-phase/yu.toml"), 1)
+    assert not {"current_d", "current_e"} & {*twin.hello()["without"]} and "gate_ah" in twin.hello()["without"]
+    run(twin, 0.2)
+    assert twin.status()["state"] != "fault"

@@ -48,3 +48,18 @@ def test_time_factor() -> None:
     mean = worker.source.now / (time.monotonic() - began)
     shown = [status["reached"] for status in pipe.statuses[ROUNDS // 2 :]]
     assert sum(shown) / len(shown) == pytest.approx(mean, rel=0.25)
+
+
+def test_a_source_at_its_end_costs_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where time stands, a round looks at the source once."""
+    worker = Worker(SlowPipe(), load_scenario("scenarios/own-spindle.toml"), 1, 1.0)  # type: ignore[arg-type]
+    calls: list[float] = []
+
+    def stands(seconds: float, until: str = "end") -> bool:
+        calls.append(seconds)
+        return False
+
+    monkeypatch.setattr(worker.source, "advance", stands)
+    with pytest.raises(EOFError):
+        worker.run()
+    assert 0 < len(calls) <= ROUNDS

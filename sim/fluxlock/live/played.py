@@ -181,7 +181,7 @@ class Played(ABC):
             "description": f"Played live with {self.scenario.name}.",
             "duration_s": end_s,
             "seed": self.seed,
-            "event": self.done,
+            "event": self._events(end_s),
             "window": [Window(name="end", from_s=max(0.0, end_s - END_S), to_s=end_s)] if end_s > 2 * END_S else [],
             "expect": [],
             "accept": self._accepts(),
@@ -197,6 +197,22 @@ class Played(ABC):
         copy.model_fields_set.update(given | keys.keys())
         copy.model_fields_set.discard("record")
         return scenario_texts(copy, f"{name}.toml", f"{name}-motor.toml", f"{name}-inverter.toml")
+
+    def _events(self, end_s: float) -> list[Event]:
+        """What was done. A ramp that goes on at the end becomes its part until then, since no scenario ends within."""
+        found = list(self.done)
+        for name, at_first in (("load_factor", 1.0), ("supply_v", self.scenario.inverter.supply_v)):
+            begin, end, since_s, length_s = at_first, at_first, 0.0, 0.0
+            for k, event in enumerate(self.done):
+                goal = getattr(event, name)
+                if goal is None:
+                    continue
+                share = min(1.0, (event.at_s - since_s) / length_s) if length_s > 0.0 else 1.0
+                begin, end, since_s, length_s = begin + share * (end - begin), goal, event.at_s, event.ramp_s
+                if since_s + length_s > end_s:
+                    there = begin + (end_s - since_s) / length_s * (end - begin)
+                    found[k] = event.model_copy(update={name: there, "ramp_s": end_s - since_s})
+        return found
 
     def _accepts(self) -> list[Accept]:
         """What a play by hand may do that a scenario may not."""

@@ -268,9 +268,11 @@ def picture(link: Link, view: messages.View) -> bytes:
         found = triggered(ring, view.trigger, to_s - after_s)
         if found is not None:
             at_s, to_s = found, found + after_s
+    until_s = to_s
+    to_s = max(to_s, view.span_s) if np.isnan(at_s) else to_s  # before time 0 is nothing to see
     from_s = to_s - view.span_s
-    time_s, rows = ring.picture(from_s, to_s, names, view.width)
-    marks = np.array(ring.marks(from_s, to_s), "<f8").reshape(-1, 2).T
+    time_s, rows = ring.picture(from_s, to_s, names, view.width, float(np.nextafter(until_s, np.inf)))
+    marks = np.array(ring.marks(from_s, until_s), "<f8").reshape(-1, 2).T
     head = struct.pack("<4I4d", len(names), time_s.size, marks.shape[1], 0, from_s, to_s, at_s, newest)
     return head + marks.tobytes() + np.asarray(time_s, "<f8").tobytes() + np.ascontiguousarray(rows, "<f4").tobytes()
 

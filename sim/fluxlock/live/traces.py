@@ -197,25 +197,28 @@ class Ring:
 
     def planes(self, from_s: float, to_s: float) -> dict[str, list[float] | float | None]:
         """Current vector in both frames, PLANE_POINTS at most, A; true angle and the drive's error at the end, deg."""
-        time_s, rows = self.cut(from_s, to_s, ["ia", "ib", "ic", "id", "iq", "theta_deg", "angle_error_deg"])
+        time_s, rows = self.cut(from_s, to_s, ["id", "iq", "theta_deg", "angle_error_deg"])
         if time_s.size == 0:
             return {"alpha": [], "beta": [], "id": [], "iq": [], "theta_deg": None, "error_deg": None}
-        ia, ib, ic, d, q = rows[:5, :: max(1, -(-time_s.size // PLANE_POINTS))].astype(float)
-        theta, error = (float(value) for value in rows[5:, -1])
-        shown: dict[str, list[float] | float | None] = {"alpha": ((2 * ia - ib - ic) / 3).tolist()}
-        shown |= {"beta": ((ib - ic) / np.sqrt(3)).tolist(), "id": d.tolist(), "iq": q.tolist()}
+        d, q, angle, _ = rows[:, :: max(1, -(-time_s.size // PLANE_POINTS))].astype(float)
+        theta, error = (float(value) for value in rows[2:, -1])
+        vector = (d + 1j * q) * np.exp(1j * np.radians(angle))  # of any number of phases
+        shown: dict[str, list[float] | float | None] = {"alpha": vector.real.tolist(), "beta": vector.imag.tolist()}
+        shown |= {"id": d.tolist(), "iq": q.tolist()}
         known = {
             name: value if np.isfinite(value) else None for name, value in (("theta_deg", theta), ("error_deg", error))
         }
         return shown | known
 
-    def picture(self, from_s: float, to_s: float, names: list[str], width: int) -> tuple[Floats, Floats]:
+    def picture(
+        self, from_s: float, to_s: float, names: list[str], width: int, until_s: float | None = None
+    ) -> tuple[Floats, Floats]:
         """Times and traces of a span, of more than two rows per pixel the least and the largest value.
 
         A pixel is a stretch of time. Next to pixels without a row stand the rows themselves, so a line between them is
-        where it belongs.
+        where it belongs. until_s: what is later is left out.
         """
-        time_s, rows = self.cut(from_s, to_s, names)
+        time_s, rows = self.cut(from_s, to_s if until_s is None else until_s, names)
         if time_s.size <= 2 * width:
             return time_s, rows
         begins = np.searchsorted(time_s, np.linspace(from_s, to_s, width, endpoint=False))

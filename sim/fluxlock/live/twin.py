@@ -9,6 +9,7 @@ from typing import Any
 
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario
+from fluxlock.config.motor import RPM_PER_RAD_S
 from fluxlock.config.scenario import Event, Fault
 from fluxlock.headers import CData
 from fluxlock.live.played import Played
@@ -16,6 +17,8 @@ from fluxlock.live.source import KEPT_S, SLICE_S
 from fluxlock.live.traces import CHIP_ONLY, TOLD, Floats, Marks, columns, marks_of
 from fluxlock.native.play import not_played
 from fluxlock.native.player import player
+
+BEYOND = 3.0  # times the motor's speed at which the machine model ends: its open gates have no diodes
 
 
 class Twin(Played):
@@ -27,6 +30,7 @@ class Twin(Played):
         super().__init__(scenario, seed)
         self.play = player(scenario, seed, KEPT_S)
         self._marks: Marks = []
+        self._beyond = False
 
     @property
     def now(self) -> float:
@@ -35,14 +39,22 @@ class Twin(Played):
 
     def hello(self) -> dict[str, Any]:
         """What a page draws itself from."""
-        return super().hello() | {"without": ["motor_a", *CHIP_ONLY]}
+        five = ("current_d", "current_e") if self.scenario.motor.phases == 5 else ()
+        return super().hello() | {"without": ["motor_a", *(name for name in CHIP_ONLY if name not in five)]}
 
     def advance(self, seconds: float, until: str = "end") -> bool:
-        """So much simulated time at most, with the scenario's events at their times."""
+        """So much simulated time at most, with the scenario's events at their times; none behind the model's end."""
+        if self._beyond:
+            return False
         return self._advance(self.now + min(seconds, SLICE_S))
 
     def _go(self, end_s: float, until: str = "end") -> bool:
         self.play.advance(end_s)
+        rpm = self.play.shaft[0] * RPM_PER_RAD_S
+        if not self._beyond and abs(rpm) > BEYOND * self.scenario.motor.max_speed_rpm:
+            self._beyond = True
+            text = f"the load turns the rotor at {rpm:.0f} r/min: the twin's model ends here, Restart begins anew"
+            self.said.append({"kind": "said", "t_s": self.now, "text": text, "answer": ""})
         return False
 
     def _missing(self, fault: Fault) -> str:

@@ -112,7 +112,10 @@ class Worker:
         self._due = max(self._due, begin - LAG_S)
         goal_s = from_s + min((begin - self._due) * self.wanted, KEPT_S - 2 * SLICE_S)
         while self.source.now < goal_s - 1e-9 and time.monotonic() < begin + ROUND_S:
-            self.source.advance(goal_s - self.source.now)
+            before = self.source.now
+            self.source.advance(goal_s - before)
+            if self.source.now <= before:  # at the end of a recording, or of a model
+                break
         self._due += (self.source.now - from_s) / self.wanted
         rest = begin + ROUND_S - time.monotonic()
         if rest > 0.0:

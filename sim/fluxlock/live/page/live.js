@@ -12,9 +12,10 @@
  *   without: string[], marks: string[], steps?: [string, number, string][]}} Hello */
 
 const LANE = 1.25, LANE_PX = 16;  // height of a logic lane, of which a level takes 1; and on the screen
+const AXIS_PX = 76, EDGE_PX = 16;  // left and right of the panels
 const MARK_COLOURS = ["#9467bd", "#2ca02c", "#ff7f0e", "#c62828", "#1565c0", "#c62828", "#00838f"], TRIGGER_COLOUR = "#d81b60";
 const SHOWN = ["speed_rpm", "measured_rpm", "reference_rpm", "ia", "ib", "ic", "idc", "iq", "motor_a", "vdc", "torque_nm",
-  "angle_error_deg", "margin_deg", "state"];
+  "current_d", "current_e", "angle_error_deg", "margin_deg", "state"];
 const COLOURS = ["#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2"];
 const AGAIN_MS = 1000, PLANES_MS = 200, DROPPED_MS = 100;
 
@@ -117,7 +118,7 @@ function report(message) {
   stateGraph(message.state, message.failed_in || "", message.fault);
   at("limit").textContent = message.limit === "none" ? "" : `limit: ${message.limit}`;
   at("clock").textContent = `${message.t_s.toFixed(3)} s`;
-  at("pace").textContent = message.wanted === 0 ? "paused" : `time × ${Number(message.reached.toPrecision(2))} (wanted ${message.wanted})`;
+  at("pace").textContent = message.wanted === 0 ? "paused" : `time × ${message.reached < 1e-6 ? 0 : Number(message.reached.toPrecision(2))} (wanted ${message.wanted})`;
   at("load-core").textContent = message.core_load == null ? "" : `core ${message.core_load.toFixed(0)} %`;
   at("load-bus").textContent = message.bus_load == null ? "" : `bus ${message.bus_load.toFixed(1)} %`;
   at("viewers").textContent = message.viewers > 1 ? `${message.viewers} viewers share this source` : "";
@@ -221,10 +222,10 @@ function layout() {
       width, height: lanes ? Math.max(height, LANE_PX * names.length) : height,
       cursor: { sync: { key: "scope" }, drag: { x: true, y: false, setScale: false } },
       hooks: { setSelect: [choose], draw: [drawMarks, drawCursors] },
-      scales: { x: { time: false }, ...(lanes ? { y: { range: [-0.1, LANE * names.length] } } : {}) },
-      padding: [8, 16, 0, 0],
+      scales: { x: { time: false }, y: { range: lanes ? [-0.1, LANE * names.length] : ranged } },
+      padding: [8, EDGE_PX, 0, 0],
       axes: [lowest ? { ...axis, label: "time / s", size: 32, labelSize: 16, values: inSteps } : { ...axis, size: 4, values: () => [] },
-        { ...axis, label: unit, size: 64, labelSize: 18, ...(lanes ? laneAxis(names) : {}) }],
+        { ...axis, label: unit, size: AXIS_PX, labelSize: 18, space: 22, values: inSteps, ...(lanes ? laneAxis(names) : {}) }],
       series: [{ label: "t / s" }, ...names.map((name, n) => ({ label: name, stroke: COLOURS[n % COLOURS.length], width: 1, paths: lines, points: { show: false }, ...(lanes ? { value: (/** @type {any} */ _, /** @type {number|null} */ v) => (v === null ? "-" : String(Math.round(v - LANE * (names.length - 1 - n)))) } : {}) }))],
     };
     // @ts-ignore: uPlot comes from its own file
@@ -233,7 +234,14 @@ function layout() {
 }
 
 /** Labels with as many digits as tell them apart. @param {any} _ @param {number[]} splits @param {number} __ @param {number} ___ @param {number} step */
-const inSteps = (_, splits, __, ___, step) => splits.map((value) => value.toFixed(Math.max(0, Math.min(9, Math.ceil(-Math.log10(step) - 1e-9)))));
+const inSteps = (_, splits, __, ___, step) => {
+  const digits = Math.max(0, Math.min(9, Math.ceil(-Math.log10(step) - 1e-9)));
+  return splits.map((value) => value.toLocaleString("en", { minimumFractionDigits: digits, maximumFractionDigits: digits }));
+};
+
+/** Range of a panel; one without a value has one too, or its grid would stay behind. @param {any} _ @param {number|null} low @param {number|null} high */
+// @ts-ignore: uPlot comes from its own file
+const ranged = (_, low, high) => (low === null || high === null ? [0, 1] : uPlot.rangeNum(low, high, 0.1, true));
 
 /** Axis of logic lanes: their names, the first on top. @param {string[]} names */
 const laneAxis = (names) => ({
@@ -272,7 +280,7 @@ function ask() {
   const edge = at("edge").value;
   const level = Number(at("level").value);
   send({
-    kind: "view", traces, width: Math.max(16, Math.min(8192, at("plots").clientWidth - 64)), span_s: heldSpan === null ? Number(at("span").value) : heldSpan,
+    kind: "view", traces, width: Math.max(16, Math.min(8192, at("plots").clientWidth - AXIS_PX - EDGE_PX)), span_s: heldSpan === null ? Number(at("span").value) : heldSpan,
     ...(heldTo === null ? {} : { to_s: heldTo }),
     ...(trigger === "" || heldTo !== null ? {} : { trigger: { ...(marked() ? { mark: trigger.slice(1) } : { trace: trigger, level, rising: edge !== "down", size: edge === "size" }),
       before: Number(at("before").value), after_s: armed } }),
@@ -352,7 +360,7 @@ function draw(data) {
     tellCursors(panels);
   }
   if (searching) at("triggered").textContent = Number.isNaN(trigger) ? "waiting" : `at ${trigger.toFixed(5)} s`;
-  if (searching && !Number.isNaN(trigger) && at("mode").value === "single") hold(to);
+  if (searching && !Number.isNaN(trigger) && at("mode").value === "single") hold(Math.min(to, newest));
   requestAnimationFrame(() => {
     ask();
     setTimeout(() => {  // once this frame is painted
@@ -392,7 +400,7 @@ function wire() {
   setInterval(() => {
     if (hello !== null && !document.hidden) send({ kind: "planes", span_s: Math.min(1, heldSpan || Number(at("span").value)), ...(heldTo === null ? {} : { to_s: heldTo }) });
   }, PLANES_MS);
-  at("hold").onclick = () => (heldTo === null ? hold(last.to) : arm());
+  at("hold").onclick = () => (heldTo === null ? hold(Math.min(last.to, last.newest)) : arm());
   for (const id of ["trigger", "mode"]) at(id).onchange = arm;
   window.onresize = layout;
 }

@@ -64,7 +64,7 @@ function hand(pen, size, deg, colour) {
 /** @param {string} id @param {string} label @param {number[]} x @param {number[]} y */
 function plane(id, label, x, y) {
   const { pen, size, ink } = fresh(id);
-  const most = Math.max(1e-6, ...x.map(Math.abs), ...y.map(Math.abs));
+  const most = Math.max(1e-3, ...x.map(Math.abs), ...y.map(Math.abs));
   const scale = 10 ** Math.floor(Math.log10(most)), round = Math.ceil(most / scale) * scale, half = size / 2;
   pen.strokeStyle = PALE;
   pen.lineWidth = 1;
