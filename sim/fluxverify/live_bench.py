@@ -175,6 +175,7 @@ def soak(
         link.ring.append(np.zeros(CAPACITY // 2), np.zeros((len(NAMES), CAPACITY // 2), np.float32))
     link.ring.clear()
     rows: list[tuple[float, float, float]] = []
+    lost: list[int] = []  # frames dropped until each look
     with served(link, server) as address, opened(address) as page:
         page.locator("#traces input").first.wait_for(state="attached", timeout=START_MS)
         page.wait_for_timeout(1000 * LOOK_S)  # the page lays itself out
@@ -183,6 +184,7 @@ def soak(
         while time.monotonic() < begin + 60.0 * minutes:
             page.wait_for_timeout(1000 * LOOK_S)
             heap = float(page.evaluate("performance.memory.usedJSHeapSize"))
+            lost.append(int(page.evaluate("drawn.dropped")))
             rows.append((memory_bytes(None) / MIB, memory_bytes(link.process_id) / MIB, heap / MIB))
         drawn, dropped = (int(page.evaluate(f"drawn.{name}")) for name in ("count", "dropped"))
         frames, status = round((time.monotonic() - begin) / FRAME_S), link.status
@@ -190,7 +192,9 @@ def soak(
     third = max(1, len(table) // 3)
     first, last = (np.median(part, axis=0) for part in (table[:third], table[-third:]))
     print(f"{minutes:g} min, {drawn} pictures, twin at {status['t_s']:.0f} s, reached x {status['reached']:.2f}")
+    looks = np.diff(lost, prepend=0) / (LOOK_S / FRAME_S)
     print(f"dropped: {dropped} of {frames} frames, {100.0 * dropped / frames:.2f} %")
+    print(f"dropped in a look of {LOOK_S:g} s: median {np.median(looks):.0%}, at most {looks.max():.0%}")
     for name, was, now in zip(("server", "source", "page's heap"), first, last, strict=True):
         print(f"{name}: {was:.0f} MiB in the first third, {now:.0f} MiB in the last")
     raise typer.Exit(bool((last > (1.0 + GROWTH_MOST) * first).any()) or dropped > DROPPED_MOST * frames)

@@ -33,6 +33,7 @@ from fluxlock.live.traces import NAMES, Ring
 ORIGIN = "http://127.0.0.1:8437"
 SOCKET = "ws://127.0.0.1:8437/socket"  # the client adds no host of its own
 MALFORMED = 10_000
+UNREAD, LEFT_S = 120, 20.0  # pictures that nobody reads; until one is gone
 GOOD: list[dict[str, Any]] = [
     {"kind": "view", "traces": ["ia", "speed_rpm"], "width": 100, "span_s": 0.5},
     {"kind": "drive", "do": "start"},
@@ -331,3 +332,52 @@ def test_all_traces_at_once() -> None:
     Verifies: LIVE-05
     """
     messages.parse(json.dumps({"kind": "view", "traces": list(NAMES), "width": 100, "span_s": 0.5}))
+
+
+def test_a_table_stops_nobody(tmp_path: Path) -> None:
+    """While a long table is being made, a picture is answered, and a second table is refused.
+
+    Verifies: LIVE-06, LIVE-08
+    """
+    client, link, _ = client_of(tmp_path)
+    link.ring = Ring(2**18)
+    link.ring.append(np.arange(2**17) * 1e-4, np.zeros((len(NAMES), 2**17), np.float32))
+    table = {"kind": "csv", "name": "my-table", "traces": list(NAMES), "from_s": 0, "to_s": 100}
+    with client, client.websocket_connect(SOCKET, headers={"origin": ORIGIN}) as socket:
+        for asked in (table, table | {"name": "more"}, GOOD[0]):
+            socket.send_text(json.dumps(asked))
+        refused, shown, told = (answer(socket) for _ in range(3))
+    assert isinstance(refused, dict) and "the next one when it is there" in refused["text"]
+    assert isinstance(shown, bytes) and isinstance(told, dict) and told["names"] == ["my-table.csv"]
+    assert sum(1 for _ in (tmp_path / "my-table.csv").open()) == 2**17 + 1 == told["rows"] + 1
+
+
+def test_a_viewer_that_reads_nothing_leaves(tmp_path: Path) -> None:
+    """One that asks for pictures, reads none and breaks off is forgotten.
+
+    Verifies: LIVE-08
+    """
+    _, link, server = client_of(tmp_path)
+
+    async def leave() -> None:
+        listener = listening("127.0.0.1", 0)
+        address = f"127.0.0.1:{listener.getsockname()[1]}"
+        running = uvicorn.Server(
+            uvicorn.Config(application_of(server, link), log_level="warning", timeout_graceful_shutdown=1)
+        )
+        task = asyncio.create_task(running.serve([listener]))
+        many = json.dumps({"kind": "view", "traces": list(NAMES), "width": 8192, "span_s": 1.0})
+        async with connect(f"ws://{address}/socket", origin=Origin(f"http://{address}"), max_queue=1) as socket:
+            for _ in range(UNREAD):
+                await socket.send(many)
+            await asyncio.sleep(1.0)
+            assert len(server.viewers) == 1
+            socket.transport.abort()
+        end = asyncio.get_running_loop().time() + LEFT_S
+        while server.viewers and asyncio.get_running_loop().time() < end:
+            await asyncio.sleep(0.05)
+        running.should_exit = True
+        await task
+
+    asyncio.run(leave())
+    assert not server.viewers

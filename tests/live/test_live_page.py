@@ -59,7 +59,13 @@ def running(folder: Path, *source: str) -> Iterator[tuple[str, subprocess.Popen[
         signal.signal(signal.SIGINT, signal.SIG_DFL)
 
     pipe = subprocess.PIPE
-    with subprocess.Popen(command, stdout=pipe, text=True, start_new_session=True, preexec_fn=hear) as process:
+    errors = folder / "errors.txt"
+    with (
+        errors.open("w") as told,
+        subprocess.Popen(
+            command, stdout=pipe, stderr=told, text=True, start_new_session=True, preexec_fn=hear
+        ) as process,
+    ):
         assert process.stdout is not None
         try:
             yield process.stdout.readline().removeprefix("page: ").strip(), process
@@ -67,6 +73,7 @@ def running(folder: Path, *source: str) -> Iterator[tuple[str, subprocess.Popen[
             process.send_signal(signal.SIGINT)
             code = process.wait(300)
     assert code == 130, "Ctrl-C ends it"
+    assert "Traceback" not in errors.read_text(encoding="utf-8")
 
 
 def children(pid: int) -> list[int]:

@@ -18,6 +18,7 @@ from fluxlock.config.scenario import Fault
 LONGEST = 16_384  # bytes of a message
 TRACES_MOST = 64  # in a picture
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,39}$"
+VALUE = r"^(-?\d{0,12}\.?\d{1,12}|[A-Za-z][A-Za-z0-9_-]{0,23})$"  # a number or a word
 Seconds = Annotated[float, Field(ge=0.0, le=1e6, allow_inf_nan=False)]
 Trace = Annotated[str, Field(pattern=r"^[a-z_]{1,24}$")]
 
@@ -77,7 +78,7 @@ class Set(Message):
 
     kind: Literal["set"]
     name: str = Field(pattern=r"^[a-z0-9_]{1,40}$")
-    value: str = Field(pattern=r"^(-?\d{0,12}\.?\d{1,12}|[A-Za-z][A-Za-z0-9_-]{0,23})$")  # a number or a word
+    value: str = Field(pattern=VALUE)
 
 
 class LoadFactor(Message):
@@ -162,5 +163,9 @@ def one_line(error: ValueError) -> str:
     first = problems[0] if problems else {"loc": (), "msg": str(error)}
     loc = first["loc"]
     where = ".".join(str(part) for part in loc) if isinstance(loc, tuple) else ""
+    if NAME in str(first["msg"]):
+        return f"{where}: a name has 1 to 40 letters, digits, - and _, a letter or digit first"
+    if VALUE in str(first["msg"]):
+        return f"{where}: a value is a number such as 12.5, or a word"
     text = f"{where}: {first['msg']}" if where else str(first["msg"])
     return re.sub(r"[^ -~]+", "?", text)[:200]

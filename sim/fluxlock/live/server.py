@@ -10,13 +10,11 @@ the loopback, the token. A client names no path: downloads are looked up in the 
 from __future__ import annotations
 
 import asyncio
-import csv
-import io
 import json
 import secrets
 import struct
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -124,6 +122,7 @@ class Viewer:
     def __init__(self, server: Server, websocket: WebSocket) -> None:
         self._server, self._socket = server, websocket
         self._queue: asyncio.Queue[dict[str, Any] | bytes] = asyncio.Queue()
+        self._tables: set[asyncio.Task[None]] = set()
         link = server.link
         if link.hello is not None:
             self.put(link.hello)
@@ -147,12 +146,13 @@ class Viewer:
                 if event["type"] == "websocket.disconnect":
                     return
                 self._take(event.get("text"))
-                while self._queue.qsize() > WAITING:  # who asks faster than it reads waits
+                while self._queue.qsize() > WAITING and not tasks[0].done():  # who asks faster than it reads waits
                     await asyncio.sleep(STATUS_S / 10)
         finally:
-            for task in tasks:
+            for task in [*tasks, *self._tables]:
                 task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+            with suppress(asyncio.CancelledError):  # the server ends
+                await asyncio.gather(*tasks, *self._tables, return_exceptions=True)
 
     async def _send(self) -> None:
         try:
@@ -187,7 +187,7 @@ class Viewer:
             elif isinstance(message, messages.Planes):
                 self.put(planes(link, message))
             elif isinstance(message, messages.Table):
-                self._table(message)
+                self._begin_table(message)
             elif link.died and isinstance(message, messages.Restart):
                 link.begin()
             elif not link.order(message):
@@ -195,25 +195,38 @@ class Viewer:
         except (ValueError, OSError) as error:
             self.put({"kind": "error", "text": str(error)})
 
-    def _table(self, message: messages.Table) -> None:
+    def _begin_table(self, message: messages.Table) -> None:
+        """Make a table in a thread, or all viewers would wait for it."""
         names = known(message.traces)
         time_s, rows = self._server.link.ring.cut(message.from_s, message.to_s, names)
         if time_s.size > CSV_ROWS:
             raise ValueError(f"a table has at most {CSV_ROWS} rows")
+        if self._tables:
+            raise ValueError("a table is being made; the next one when it is there")
         head = ["t_s", *(f"{name} [{TRACES[name][0]}]" for name in names)]
+        task = asyncio.create_task(self._table(message, head, time_s.copy(), rows))
+        self._tables.add(task)
+        task.add_done_callback(self._tables.discard)
+
+    async def _table(self, message: messages.Table, head: list[str], time_s: Floats, rows: Floats) -> None:
         name = f"{message.name}.{message.kind}"
-        self._server.keep(name, (csv_of if message.kind == "csv" else parquet_of)(head, time_s, rows))
+        try:
+            make: Callable[..., str | bytes] = csv_of if message.kind == "csv" else parquet_of
+            self._server.keep(name, await asyncio.to_thread(make, head, time_s, rows))
+        except (ValueError, OSError) as error:
+            self.put({"kind": "error", "text": str(error)})
+            return
         self.put({"kind": "files", "names": [name], "folder": str(self._server.folder), "rows": int(time_s.size)})
 
 
 def csv_of(head: list[str], time_s: Floats, rows: Floats) -> str:
     """A table as text."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(head)
-    for k, at_s in enumerate(time_s):
-        writer.writerow([f"{at_s:.9g}", *(f"{value:.7g}" for value in rows[:, k])])
-    return text.getvalue()
+    line = ",".join(["%.9g", *["%.7g"] * len(rows)]) + "\n"
+    return (
+        ",".join(head)
+        + "\n"
+        + "".join([line % values for values in zip(*(column.tolist() for column in (time_s, *rows)), strict=True)])
+    )
 
 
 def parquet_of(head: list[str], time_s: Floats, rows: Floats) -> bytes:

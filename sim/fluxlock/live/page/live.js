@@ -278,7 +278,7 @@ function ask() {
   }
   const trigger = at("trigger").value;
   const edge = at("edge").value;
-  const level = Number(at("level").value);
+  const level = Math.max(-1e9, Math.min(1e9, Number(at("level").value)));
   send({
     kind: "view", traces, width: Math.max(16, Math.min(8192, at("plots").clientWidth - AXIS_PX - EDGE_PX)), span_s: heldSpan === null ? Number(at("span").value) : heldSpan,
     ...(heldTo === null ? {} : { to_s: heldTo }),
