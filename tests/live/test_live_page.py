@@ -143,6 +143,16 @@ def test_page(page: Page, tmp_path: Path) -> None:
         wait_for(page, "files", "my-play.toml")
         until(page, "fluxlockDrawn.count > 5")
 
+        for strange in (
+            "document.querySelectorAll('#traces input').forEach((box) => { box.checked = true; }); layout()",
+            "at('trigger').value = 'ia'; at('level').value = '1e300'; at('trigger').onchange()",
+            "at('level').value = ''; at('trigger').onchange()",
+        ):
+            page.evaluate(f"{strange}; drawn.count = 0")
+            until(page, "drawn.count > 3")
+        page.evaluate("at('set-speed_rpm').value = ''; at('set-speed_rpm').onchange()")
+        wait_for(page, "said", "a value is a number such as 12.5, or a word")
+
         page.reload()
         wait_for(page, "said", "set speed_rpm 12000 ok")
         second = page.context.new_page()

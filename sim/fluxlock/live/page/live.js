@@ -12,7 +12,7 @@
  *   without: string[], marks: string[], steps?: [string, number, string][]}} Hello */
 
 const LANE = 1.25, LANE_PX = 16;  // height of a logic lane, of which a level takes 1; and on the screen
-const AXIS_PX = 76, EDGE_PX = 16;  // left and right of the panels
+const AXIS_PX = 76, EDGE_PX = 28;  // left and right of the panels
 const MARK_COLOURS = ["#9467bd", "#2ca02c", "#ff7f0e", "#c62828", "#1565c0", "#c62828", "#00838f"], TRIGGER_COLOUR = "#d81b60";
 const SHOWN = ["speed_rpm", "measured_rpm", "reference_rpm", "ia", "ib", "ic", "idc", "iq", "motor_a", "vdc", "torque_nm",
   "current_d", "current_e", "angle_error_deg", "margin_deg", "state"];
@@ -168,6 +168,7 @@ function build(message) {
   at("said").replaceChildren();
   at("name").textContent = `${message.name} — ${message.source}${message.method ? `, ${message.method}` : ""}`;
   document.title = `${message.name} — Fluxlock live`;
+  if (told.state === undefined) at("state").textContent = "the source begins";
   const [drive, model] = [message.source !== "recording", ["twin", "chip"].includes(message.source)];
   for (const id of ["knobs", "breaks", "table"]) at(id).hidden = !drive;
   at("export").hidden = !model;
@@ -235,7 +236,8 @@ function layout() {
 
 /** Labels with as many digits as tell them apart. @param {any} _ @param {number[]} splits @param {number} __ @param {number} ___ @param {number} step */
 const inSteps = (_, splits, __, ___, step) => {
-  const digits = Math.max(0, Math.min(9, Math.ceil(-Math.log10(step) - 1e-9)));
+  let digits = 0;
+  while (digits < 9 && Math.abs(step * 10 ** digits - Math.round(step * 10 ** digits)) > 1e-6) digits++;
   return splits.map((value) => value.toLocaleString("en", { minimumFractionDigits: digits, maximumFractionDigits: digits }));
 };
 
