@@ -17,6 +17,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cache, partial
 from importlib import import_module
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -60,6 +61,12 @@ def sources(package: str = "fluxlock") -> str:
         folders.append(ROOT / "cocotb_tests")
     kinds = (".py", ".sv", ".svh", ".f", ".rdl", ".c", ".h", ".S", ".ld", ".toml", ".cpp", ".vlt")
     return content_hash(p for folder in folders for p in folder.rglob("*") if p.suffix in kinds and p.is_file())
+
+
+@cache
+def numerics() -> dict[str, str]:
+    """Versions of what the machine models compute with: another one may round otherwise."""
+    return {name: version(name) for name in ("numpy", "numba")}
 
 
 @contextmanager
@@ -167,12 +174,17 @@ class _Asked:
     package: str
     made_by: str
     mark: str
+    numerics: dict[str, str]
 
     def check(self) -> None:
         """Raise OtherVersion on a worker that has something else."""
         if sources(self.package) != self.made_by:
             text = "a worker has another version of Fluxlock: install the same one there, or use its checkout"
             raise OtherVersion(text)
+        for name, wanted in self.numerics.items():
+            if (theirs := numerics()[name]) != wanted:
+                text = f"a worker has {name} {theirs}, this process {wanted}: results might differ in their last bits; "
+                raise OtherVersion(text + "install the same one there")
         if self.mark and not (Path(self.mark).parent == BUILD and Path(self.mark).exists()):
             text = f"a worker does not have the folder {Path(self.mark).parent}, where this command keeps its results: "
             raise OtherVersion(text + "share the checkout, and start the worker from it")
@@ -202,7 +214,7 @@ def _on_dask(
     package = str(getattr(work, "func", work).__module__).partition(".")[0]
     BUILD.mkdir(parents=True, exist_ok=True)
     with client, tempfile.NamedTemporaryFile(dir=BUILD, prefix=".asked-") as mark:
-        asked = _Asked(package, sources(package), mark.name if shares_build else "")
+        asked = _Asked(package, sources(package), mark.name if shares_build else "", numerics())
         for worker, answer in client.run(asked.check, on_error="return").items():
             # A worker without Fluxlock, or with one of long ago, cannot read the question. OSError: it has just ended.
             if isinstance(answer, Exception) and not isinstance(answer, OSError):

@@ -228,7 +228,7 @@ def test_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def refuses_strangers(address: str) -> None:
-    """A worker with other sources, or without the folder of the results, is refused by name; else the items run."""
+    """A worker with other sources, another NumPy or without the folder is refused by name; else the items run."""
     found: dict[str, int] = {}
     with workers.on_scheduler(address):
         workers.side_by_side(len, ["a", "bc"], 1, found.__setitem__, shares_build=True)
@@ -236,6 +236,7 @@ def refuses_strangers(address: str) -> None:
     for name, value, text in (
         ("BUILD", Path(tempfile.gettempdir()), "a worker does not have the folder .*share the checkout"),
         ("sources", lambda package: "0123456789abcdef", "a worker has another version"),
+        ("numerics", lambda: {"numpy": "0.1"}, r"a worker has numpy \d[\d.]*, this process 0\.1"),
     ):
         with pytest.MonkeyPatch.context() as patch, workers.on_scheduler(address):
             patch.setattr(workers, name, value)
