@@ -17,6 +17,8 @@
 // A commutation so late does not come.
 #define ONE_Q16 65536
 #define PLACE_MAX_Q16 (2 * ONE_Q16)
+// Part of the way to the middle of what is known.
+#define LEAN 8
 // 6.4 ms at 10 kHz.
 #define MISS_WINDOW_TICKS 64u
 
@@ -110,10 +112,15 @@ HOT static void measure_speed(measured_t *m, const parameters_t *p, const settin
   }
   const uint16_t commutations = (uint16_t)(in->commutations - (uint16_t)m->commutations);
   m->commutations += commutations;
-  // One that came within the last tick was no longer ago than that: what goes on from sector to sector is truer.
+  // One that came within the last tick was no longer ago than that: what goes on from sector to sector is truer. While the
+  // speed changes that stays at one end: it leans to the middle.
   const int32_t place_q16 = m->place_q16 + m->place_step_q16;
-  m->place_q16 = (commutations > 0u) ? clamp_i32(place_q16 - ONE_Q16, 0, m->place_step_q16)
-                                     : clamp_i32(place_q16, 0, PLACE_MAX_Q16);
+  if (commutations > 0u) {
+    const int32_t since_q16 = clamp_i32(place_q16 - ONE_Q16, 0, m->place_step_q16);
+    m->place_q16 = since_q16 + (m->place_step_q16 / 2 - since_q16) / LEAN;
+  } else {
+    m->place_q16 = clamp_i32(place_q16, 0, PLACE_MAX_Q16);
+  }
   m->speed_valid = m->speed_valid || m->crossings >= CROSSINGS_FOR_SPEED;
   m->speed_due = m->speed_due || crossings > 0u;
   // At most every second tick: at high speed crossings come in every one, and the other one is for the schedule.
