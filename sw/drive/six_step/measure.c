@@ -14,8 +14,8 @@
 #define CARRIERS_A_SECTOR 6u
 // Sectors so short may pass unseen between two ticks.
 #define SHORT_TICKS 4u
-// A commutation so late does not come.
 #define ONE_Q16 65536
+// A commutation so late does not come.
 #define PLACE_MAX_Q16 (2 * ONE_Q16)
 // Part of the way to the middle of what is known.
 #define LEAN 8
