@@ -18,7 +18,7 @@
 // A commutation so late does not come.
 #define PLACE_MAX_Q16 (2 * ONE_Q16)
 // Part of the way to the middle of what is known.
-#define LEAN 8
+#define LEAN 16
 // 6.4 ms at 10 kHz.
 #define MISS_WINDOW_TICKS 64u
 
