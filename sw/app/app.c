@@ -133,8 +133,8 @@ HOT static void control_step(app_t *app) {
   }
 }
 
-// Of an image that holds vector control. The voltage first: what the step needs of the limit comes after it. An update during the entry has ended the step, and
-// the next one may not have its currents yet.
+// Of an image that holds vector control. The voltage first: what the step needs of the limit comes after it. An update
+// during the entry has ended the step, and the next one may not have its currents yet.
 HOT void app_current_interrupt(app_t *app) {
   if (!method_is_vector(METHOD_VECTOR)) {
     return;

@@ -43,8 +43,8 @@ typedef struct {
 } pair_emf_t;
 
 // Once a tick, while a sector lasts a few. u: told in this tick, without more and the EMF's shape; emf: mean of the pairs;
-// i: of the pair, behind a filter that takes this shift of what is new; commutations: counted so far. About 120 clocks, 350
-// after a commutation.
+// i: of the pair, behind a filter that takes this shift of what is new; commutations: counted so far. About 120 clocks, more
+// after a commutation, with a division.
 void pair_emf_step(pair_emf_t *e, const pair_emf_gains_t *gains, int32_t u_v_q25, int32_t emf_v_q25, int32_t i_q25,
                    int32_t filter_shift, uint32_t commutations);
 

@@ -35,13 +35,18 @@ class SlowPipe:
         return False
 
 
+def worker_of(pipe: Any, factor: float) -> Worker:
+    """A worker of the twin whose other end is a stand-in."""
+    return Worker(pipe, load_scenario("scenarios/own-spindle.toml"), 1, factor)
+
+
 def test_time_factor() -> None:
     """The factor that the page shows is simulated over real time, with all that lies between two stretches.
 
     Verifies: LIVE-17
     """
     pipe = SlowPipe()
-    worker = Worker(pipe, load_scenario("scenarios/own-spindle.toml"), 1, 0.5)  # type: ignore[arg-type]
+    worker = worker_of(pipe, 0.5)
     began = time.monotonic()
     with pytest.raises(EOFError):
         worker.run()
@@ -52,7 +57,7 @@ def test_time_factor() -> None:
 
 def test_a_source_at_its_end_costs_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where time stands, a round looks at the source once."""
-    worker = Worker(SlowPipe(), load_scenario("scenarios/own-spindle.toml"), 1, 1.0)  # type: ignore[arg-type]
+    worker = worker_of(SlowPipe(), 1.0)
     calls: list[float] = []
 
     def stands(seconds: float, until: str = "end") -> bool:

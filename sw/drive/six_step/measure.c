@@ -18,7 +18,7 @@
 // A commutation so late does not come.
 #define PLACE_MAX_Q16 (2 * ONE_Q16)
 // Part of the way to the middle of what is known.
-#define LEAN 16
+#define TO_MIDDLE 16
 // 6.4 ms at 10 kHz.
 #define MISS_WINDOW_TICKS 64u
 
@@ -117,7 +117,7 @@ HOT static void measure_speed(measured_t *m, const parameters_t *p, const settin
   const int32_t place_q16 = m->place_q16 + m->place_step_q16;
   if (commutations > 0u) {
     const int32_t since_q16 = clamp_i32(place_q16 - ONE_Q16, 0, m->place_step_q16);
-    m->place_q16 = since_q16 + (m->place_step_q16 / 2 - since_q16) / LEAN;
+    m->place_q16 = since_q16 + (m->place_step_q16 / 2 - since_q16) / TO_MIDDLE;
   } else {
     m->place_q16 = clamp_i32(place_q16, 0, PLACE_MAX_Q16);
   }
