@@ -202,6 +202,21 @@ def test_a_light_rotor_turns_evenly(
     assert np.ptp(speeds) < 0.01 * rpm and bench.trips == 0
 
 
+def test_carriers_run_on_while_the_line_of_the_emf_alone_holds_the_rotor() -> None:
+    """At 11 carriers a sector: restarted as asked, not while the console has the drive brake as well, then again.
+
+    Verifies: FW-74
+    """
+    bench = Bench(drive=machines.drive(carrier_hz=20e3, zcd={"balance": "both"}), cut_pulses=True)
+    assert bench.block.values["light_rotor"] == 0
+    bench.start(18_000)
+    bench.run(0.5)
+    for sync_rect, restarted in ((0, True), (1, False), (0, True)):
+        assert bench.fw.command(f"set sync_rect {sync_rect}") == ["ok"]
+        bench.run(0.1)
+        assert bool(bench.model.c[am.C_RESTART]) == restarted
+
+
 def test_flux_that_the_file_understates_leaves_the_highest_speed() -> None:
     """Flux 8 % above the file's, little resistance: the bound of the voltage by the current lets full load to 95 %.
 

@@ -57,8 +57,6 @@ ALIGN_LIMIT = 2.0
 SAMPLE_MODES: dict[ZcdSampling, int] = {"continuous": 1, "carrier": 3}
 # Fastest trim of the EMF line by the measured current.
 TRIM_S = 5e-3
-# Carriers of a sector up to which a commutation restarts them on a rotor that its EMF holds, or a single carrier moves.
-RESTART_CARRIERS = 8
 LIMITER_BANDWIDTH_RAD = 600.0
 # A rotor driven by the forced field leads it so far that only a part of its EMF opposes the voltage.
 START_EMF_SHARE = 0.85
@@ -201,7 +199,7 @@ def _carrier(d: Design) -> dict[str, Value]:
     return {
         "carrier_period_cycles": cycles(1.0 / drive.carrier_hz),
         "carrier_longest_cycles": cycles(d.longest_s),
-        "restart_carriers": RESTART_CARRIERS if d.firm or d.carrier_moves_rotor else 0,
+        "light_rotor": int(d.carrier_moves_rotor),
         "on_time_floor_cycles": cycles(d.settle_s + 4.0 * sensing.sample_period_s),
         "least_on_cycles": cycles(d.settling.least_s),
         "duty_max_q30": round(drive.duty_max * Q30),

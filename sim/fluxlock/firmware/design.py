@@ -224,16 +224,6 @@ class Design:
         return max(m.line_ohm, min(wanted, CURRENT_LOOP_LAG_RAD / CURRENT_LOOP_LAG_TICKS * m.line_h / self.tick_s))
 
     @property
-    def firm(self) -> bool:
-        """The voltage can brake and follows the ramp alone: the EMF line holds the rotor (drive/six_step/regulate.c).
-
-        With restarted carriers the volt-seconds of a sector depend on its length in steps, and the line holds the rotor
-        between them only.
-        """
-        drive = self.s.drive
-        return bool(drive.sync_rect) and not drive.current_loop and drive.zcd.model_dump()["balance"] != "none"
-
-    @property
     def carrier_moves_rotor(self) -> bool:
         """A carrier is no small part of the time in which the EMF line moves the rotor, J R_l / k_e^2."""
         m = self.machine

@@ -99,11 +99,6 @@ static int32_t freewheel_limit_i_q25(const six_step_view_t *view, const pwm_t *p
   return sat_i32(((int64_t)per_carrier_i_q25 * (int32_t)time_cycles) >> (BOUNDARY_CYCLES_SHIFT - 2));
 }
 
-// Braking and driving.
-static bool holds_firm(const six_step_view_t *view) {
-  return view->settings->sync_rect && !view->settings->current_loop && view->settings->balance != BALANCE_NONE;
-}
-
 // The measured speed is a mean over the last intervals: since their middle the rotor has followed the ramp.
 HOT static int32_t speed_now_rpm_q8(const regulate_t *r, const measured_t *m) {
   return m->speed_rpm_q8 + r->rotor_rpm_q8 - r->lagged_rpm_q8;
@@ -111,7 +106,7 @@ HOT static int32_t speed_now_rpm_q8(const regulate_t *r, const measured_t *m) {
 
 // What the gains and the measured current follow from.
 static int32_t scheduled_rpm_q8(const regulate_t *r, const six_step_view_t *view) {
-  return holds_firm(view) ? speed_now_rpm_q8(r, view->m) : view->m->speed_rpm_q8;
+  return is_firm(view->settings) ? speed_now_rpm_q8(r, view->m) : view->m->speed_rpm_q8;
 }
 
 HOT static int32_t emf_now_v_q25(const regulate_t *r, const six_step_view_t *view) {
@@ -126,7 +121,7 @@ static void schedule_current(regulate_t *r, const six_step_view_t *view, const p
   const gain_t copper = {p->resistance_low, p->resistance_shift + 8};
   // A sample in the pulse shows the pair's current itself.
   const bool mean = p->sample_mode == SAMPLING_CONTINUOUS;
-  const int32_t emf_v_q25 = holds_firm(view) ? emf_now_v_q25(r, view) : view->m->emf_v_q25;
+  const int32_t emf_v_q25 = is_firm(view->settings) ? emf_now_v_q25(r, view) : view->m->emf_v_q25;
   g->line_ratio_q16 =
       !mean ? ONE_Q16 : line_current_ratio_q16(view->m->vdc_v_q25, emf_v_q25,
                              gain_apply(view->m->line_i_q25, copper), diode_v_q25(view, pwm), pwm->duty_q30);
@@ -146,7 +141,7 @@ static void schedule_boundary(scheduled_t *g, const six_step_view_t *view, const
                          view->p->boundary_current);
   const int32_t pulse_cycles = mul_q16(g->boundary.duty_q30 >> 14, period_cycles);
   const int32_t twice_cycles = 2 * view->p->dead_time_cycles + 1;
-  g->dead_steep = holds_firm(view) ? clamp_i32(pulse_cycles / twice_cycles, 1, DEAD_STEEP_MAX) : 1;
+  g->dead_steep = is_firm(view->settings) ? clamp_i32(pulse_cycles / twice_cycles, 1, DEAD_STEEP_MAX) : 1;
 }
 
 // Current of the shortest pulse in the longest carrier, where diodes end it.
@@ -174,7 +169,7 @@ static void schedule_resistance(scheduled_t *g, const six_step_view_t *view, int
   } else {
     // The speed is a mean over a turn: a trim must not be quicker than it. A firm drive's reference has the late speed,
     // the measured current the speed of now: the trim takes part of the EMF line's hold away.
-    const int32_t slow_q16 = holds_firm(view) ? g->scale_q16 / FIRM_TRIM : g->scale_q16;
+    const int32_t slow_q16 = is_firm(view->settings) ? g->scale_q16 / FIRM_TRIM : g->scale_q16;
     g->current = (pi_gains_t){p->trim_kp, {mul_q16(g->trim.ki.mant, slow_q16), shift}};
   }
 }
@@ -183,7 +178,7 @@ static void schedule_resistance(scheduled_t *g, const six_step_view_t *view, int
 // reference alone: no delay, no noise of the measured speed. Diodes hold on one side only: what the delay of the speed costs.
 static int32_t stiffness_q16(const scheduled_t *g, const six_step_view_t *view, const pwm_t *pwm, uint32_t turns_q16) {
   const parameters_t *p = view->p;
-  if (holds_firm(view)) {
+  if (is_firm(view->settings)) {
     // The resistance grows with speed.
     const uint32_t now_q16 = (uint32_t)g->resistance.mant / ((uint32_t)p->resistance_low >> 16) + (uint32_t)p->damping_q16;
     return mul_q16((int32_t)((((uint32_t)ONE_Q16 + (uint32_t)p->damping_q16) << 8) / (now_q16 >> 8)), WHOLE_Q16);
@@ -213,7 +208,7 @@ static void schedule_speed(regulate_t *r, const six_step_view_t *view, const pwm
   g->lag_q16 = lesser(gain_apply((int32_t)turns_q16, (gain_t){p->speed_lag_q16, 16}), LAG_MAX_Q16);
   const gain_t inertia = {p->speed_kp_inertia, p->speed_kp_shift};
   // Bits of room: the whole of the EMF line is 2.9 times its parameter, and four times that is a gain of the integral.
-  const bool firm = holds_firm(view);
+  const bool firm = is_firm(view->settings);
   const int32_t room = firm ? 4 : 1;
   const int32_t moved = mul_q16(p->speed_kp_inertia, g->scale_q16) >> room;
   const int32_t line_q16 = stiffness_q16(g, view, pwm, turns_q16);
@@ -408,7 +403,7 @@ HOT static void reference_step(regulate_t *r, const six_step_view_t *view, int32
   const int32_t integral_q5 = r->speed_pi.integral_q5;
   const pi_result_t i = pi_step(&r->speed_pi, &g->speed, error, acceleration_i_q25, low - beyond_i_q25, high);
   // At a bound the integral waits: what it knows is the load.
-  if (holds_firm(view) && ((i.output < i.unlimited && error > 0) || (i.output > i.unlimited && error < 0))) {
+  if (is_firm(view->settings) && ((i.output < i.unlimited && error > 0) || (i.output > i.unlimited && error < 0))) {
     r->speed_pi.integral_q5 = integral_q5;
   }
   r->reference_i_q25 = greater(i.output, low);
@@ -422,7 +417,7 @@ HOT static void reference_step(regulate_t *r, const six_step_view_t *view, int32
 // The current that dead times are counted for. A firm drive's reference swings with a late speed by what does not flow:
 // it has to leave the last one by a good part of the boundary's current, else dead times come and go with it.
 HOT static void count_dead_times(regulate_t *r, const six_step_view_t *view) {
-  const int32_t play_i_q25 = holds_firm(view) ? r->scheduled.boundary.current_i_q25 / 4 * 3 : 0;
+  const int32_t play_i_q25 = is_firm(view->settings) ? r->scheduled.boundary.current_i_q25 / 4 * 3 : 0;
   r->counted_i_q25 = clamp_i32(r->counted_i_q25, r->reference_i_q25 - play_i_q25, r->reference_i_q25 + play_i_q25);
 }
 
@@ -510,7 +505,7 @@ HOT static int32_t voltage_step(regulate_t *r, const pwm_t *pwm, const six_step_
   const scheduled_t *g = &r->scheduled;
   const limiter_gains_t gains = {p->limiter_kp, p->limiter_ki};
   const int32_t mean_v_q25 = emf_now_v_q25(r, view);
-  const bool by_pair = m->place_step_q16 <= ROUND_STEP_MAX_FIRM_Q16 && holds_firm(view);
+  const bool by_pair = m->place_step_q16 <= ROUND_STEP_MAX_FIRM_Q16 && is_firm(view->settings);
   const int32_t more_v_q25 = shape_v_q25(r, view, mean_v_q25, by_pair);
   const int32_t emf_v_q25 = mean_v_q25 + more_v_q25;
   // The integral knows by how much the EMF is wrong: of flux and temperature.
@@ -530,7 +525,7 @@ HOT static int32_t voltage_step(regulate_t *r, const pwm_t *pwm, const six_step_
   // The reference as the filter of the measured current would show it, and as the inductance lets it rise: else the integral
   // takes their lags for an error.
   r->expected_i_q25 += (r->reference_i_q25 - r->expected_i_q25) >> p->loop_filter_shift;
-  const int32_t follows_q16 = holds_firm(view) ? lesser(2 * p->ramp_end_q16, ONE_Q16) : ONE_Q16;
+  const int32_t follows_q16 = is_firm(view->settings) ? lesser(2 * p->ramp_end_q16, ONE_Q16) : ONE_Q16;
   r->flowing_i_q25 += mul_q16(r->expected_i_q25 - r->flowing_i_q25, follows_q16);
   const int32_t error = pwm->discontinuous ? 0 : r->flowing_i_q25 - m->line_i_q25;
   const int32_t ahead_i_q25 = pwm->discontinuous ? 0 : r->expected_i_q25 - r->flowing_i_q25;
@@ -591,7 +586,7 @@ HOT static int32_t follow_target(regulate_t *r, const six_step_view_t *view, int
   }
   const int32_t before_rpm_q8 = r->ramp.value_rpm_q8;
   // The current needs its time to fall: toward its end the ramp is as slow as that.
-  const int32_t last_rpm_q20 = holds_firm(view) ? ending_rpm_q20(target_rpm_q8 - before_rpm_q8, p->ramp_end_q16) : INT32_MAX;
+  const int32_t last_rpm_q20 = is_firm(view->settings) ? ending_rpm_q20(target_rpm_q8 - before_rpm_q8, p->ramp_end_q16) : INT32_MAX;
   if (last_rpm_q20 < step_rpm_q20) {
     current_i_q25 = mul_q16(current_i_q25, last_rpm_q20 / ((step_rpm_q20 >> 12) + 1) * 16);
     step_rpm_q20 = greater(last_rpm_q20, RAMP_STEP_MIN_Q20);
@@ -611,7 +606,7 @@ COLD static void go_on_from_rotor(regulate_t *r, const measured_t *m) {
 // along with it.
 HOT static void lead_rotor(regulate_t *r, const six_step_view_t *view) {
   const int32_t behind_rpm_q8 = r->ramp.value_rpm_q8 - r->rotor_rpm_q8;
-  if (behind_rpm_q8 == 0 || !holds_firm(view)) {
+  if (behind_rpm_q8 == 0 || !is_firm(view->settings)) {
     r->rotor_rpm_q8 = r->ramp.value_rpm_q8;
     return;
   }

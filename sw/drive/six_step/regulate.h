@@ -34,6 +34,11 @@
 
 #define REGULATE_PREPARE_TICKS 8u
 
+// The voltage can brake and follows the ramp alone.
+static inline bool is_firm(const settings_t *settings) {
+  return settings->sync_rect && !settings->current_loop && settings->balance != BALANCE_NONE;
+}
+
 // Gains and limits of the speed control that vary with speed and DC-link voltage.
 typedef struct {
   pi_gains_t speed;      // rpm_q8 -> i_q25
