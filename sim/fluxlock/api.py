@@ -19,12 +19,14 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping
-from contextlib import ExitStack
-from dataclasses import replace
+from contextlib import ExitStack, nullcontext
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fluxlock.base.stage import PLOTTING, ProgressInfo
 from fluxlock.base.writable import check_folder
 from fluxlock.config import ConfigError, Inverter, Motor, Problem, Scenario, load_scenario
 from fluxlock.config.errors import SET_OPTION
@@ -33,6 +35,11 @@ from fluxlock.config.scenario import SEED_MAX
 from fluxlock.cosim.outcome import Run, finished, write_outcome
 from fluxlock.python_load import LoadFunction, PythonLoad, check_rotor
 from fluxlock.results.rundata import RunData
+
+if TYPE_CHECKING:
+    from fluxlock.cosim.debugger import GdbServer
+    from fluxlock.cosim.launch import Progress
+    from fluxlock.cosim.native_firmware import NativeFirmware
 
 
 def scenario_of(scenario: Scenario | Path | str, overrides: Mapping[str, object] | None = None) -> Scenario:
@@ -118,11 +125,24 @@ def simulate(
     >>> run.metrics["steady"]["speed_rpm"]["mean"]  # r/min
     >>> simulate("scenarios/own-spindle.toml", twin=True, load_nm=lambda speed, angle, time: 2e-6 * speed)
     """
+    from rich.console import Console
+
+    from fluxlock.base.progress import ProgressBar
     from fluxlock.cosim.parameters import check_parameters
 
     loaded = scenario_of(scenario, overrides)
     check_parameters(loaded)
-    return run_checked(loaded, twin, seed, folder, plots, progress, load_nm)
+    with nullcontext() if twin or not progress else ProgressBar(Console(stderr=True), loaded.duration_s) as bar:
+        return run_checked(loaded, twin, seed, folder, plots, bar, load_nm)
+
+
+@dataclass(frozen=True)
+class OnChip:
+    """What else the chip of a run has; see `fluxlock.cosim.run.run_scenario`."""
+
+    waves: bool = False
+    native: NativeFirmware | None = None
+    gdb: GdbServer | None = None
 
 
 def run_checked(
@@ -131,32 +151,33 @@ def run_checked(
     seed: int | None,
     folder: Path | str | None = None,
     plots: bool = True,
-    progress: bool = False,
+    progress: Progress | None = None,
     load_nm: LoadFunction | None = None,
+    chip: OnChip = OnChip(),
 ) -> Run:
-    """Run a scenario whose parameters have been checked; see `simulate`."""
+    """Run a scenario whose parameters have been checked; see `simulate`. progress: is told of each stage."""
     load = PythonLoad(load_nm) if load_nm is not None else None
     if load is not None:
         check_rotor(loaded)
     used_seed = seed_of(loaded, seed)
     with ExitStack() as stack:
         out = results_folder(folder or stack.enter_context(tempfile.TemporaryDirectory()))
-        data = _on_twin(loaded, used_seed, load) if twin else _on_chip(loaded, out, used_seed, progress, load)
-        return finished(data, loaded) if folder is None else write_outcome(data, loaded, out, plots)
+        data = _on_twin(loaded, used_seed, load) if twin else _on_chip(loaded, out, used_seed, progress, load, chip)
+        if folder is None:
+            return finished(data, loaded)
+        if plots and progress is not None:
+            progress(ProgressInfo(data.duration_s, loaded.duration_s, 0.0, 0.0, PLOTTING))
+        return write_outcome(data, loaded, out, plots)
 
 
-def _on_chip(scenario: Scenario, folder: Path, seed: int, progress: bool, load: PythonLoad | None) -> RunData:
-    from rich.console import Console
-
-    from fluxlock.base.progress import ProgressBar
+def _on_chip(
+    scenario: Scenario, folder: Path, seed: int, progress: Progress | None, load: PythonLoad | None, chip: OnChip
+) -> RunData:
     from fluxlock.cosim.run import run_scenario
     from fluxlock.generate.registers import check_build
 
     check_build()
-    if not progress:
-        return run_scenario(scenario, folder, seed, load=load)
-    with ProgressBar(Console(stderr=True), scenario.duration_s) as bar:
-        return run_scenario(scenario, folder, seed, progress=bar, load=load)
+    return run_scenario(scenario, folder, seed, chip.waves, progress, native=chip.native, gdb=chip.gdb, load=load)
 
 
 def _on_twin(scenario: Scenario, seed: int, load: PythonLoad | None) -> RunData:

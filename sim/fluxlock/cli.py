@@ -25,7 +25,6 @@ from rich.console import Console
 
 from fluxlock.base.paths import BUILD, INSTALLED, RESULTS, ROOT
 from fluxlock.base.progress import ProgressBar
-from fluxlock.base.stage import PLOTTING, ProgressInfo
 from fluxlock.base.writable import InUseError, alone, check_file
 from fluxlock.can.can_bus import DEFAULT as DEFAULT_BUS
 from fluxlock.command_line import EXIT_FAILED, SeedOption, SetOption, run_command_line
@@ -52,6 +51,7 @@ from fluxlock.wiring.command import check_wiring
 
 if TYPE_CHECKING:
     from fluxlock.cosim.native_firmware import NativeFirmware
+    from fluxlock.cosim.outcome import Run
 
 OUTPUTS = ("result.json", "trace.npz", "overview.png", "zoom.png")
 WAVES = "simulator/waves.fst"
@@ -225,31 +225,28 @@ def _run(
 ) -> None:
     """Run, write, print."""
     # Simulator and Matplotlib are slow to import and not needed by the other commands.
+    from fluxlock.api import OnChip, run_checked
     from fluxlock.cosim.debugger import gdb_server
     from fluxlock.cosim.outcome import write_outcome
-    from fluxlock.cosim.run import run_scenario
-    from fluxlock.generate.registers import check_build
 
-    server = gdb_server(gdb) if gdb else None
-    check_build()
-    console, messages = Console(), Console(stderr=True)
-    fault: SimulationFault | None = None
+    chip = OnChip(waves, native, gdb_server(gdb) if gdb else None)
     debugged = native is not None and native.debugger  # the debugger has the terminal
-    with nullcontext() if debugged else ProgressBar(messages, scenario.duration_s) as progress:
+    with nullcontext() if debugged else ProgressBar(Console(stderr=True), scenario.duration_s) as progress:
         try:
-            data = run_scenario(scenario, out_dir, seed, waves, progress, native=native, gdb=server)
+            finished = run_checked(scenario, False, seed, out_dir, progress=progress, chip=chip)
         except SimulationFault as error:
-            fault = error
             # Two records are the least that has an angle to measure against.
             if error.data is None or error.data.records.size < 2:
                 _fail([f"simulation: {error}"])
-            data = error.data
-        if progress is not None:
-            progress(ProgressInfo(data.duration_s, scenario.duration_s, 0.0, 0.0, PLOTTING))
-        outcome = write_outcome(data, scenario, out_dir, broken=None if fault is None else str(fault))
-    say(outcome.verdict)
-    _report(console, outcome.result, out_dir)
-    if not outcome.verdict.passed:
+            finished = write_outcome(error.data, scenario, out_dir, broken=str(error))
+    _tell(finished, out_dir)
+
+
+def _tell(run: Run, out_dir: Path) -> None:
+    """Print verdict and results; exit code of a failure."""
+    say(run.verdict)
+    _report(Console(), run.result, out_dir)
+    if not run.verdict.passed:
         print(f"what to do: {_from_here(FAILS)}", file=sys.stderr)
         raise typer.Exit(EXIT_FAILED)
 
@@ -440,18 +437,12 @@ def native(
 
 def _play(scenario: Scenario, out_dir: Path, seed: int) -> None:
     """Run a scenario on the native drive, write, print."""
-    from fluxlock.cosim.outcome import write_outcome
-    from fluxlock.native.player import player
+    from fluxlock.api import run_checked
 
     print("compiling what has changed", file=sys.stderr, flush=True)
-    drive = player(scenario, seed)
     with _output(out_dir):
-        outcome = write_outcome(drive.run(), scenario, out_dir)
-    say(outcome.verdict)
-    _report(Console(), outcome.result, out_dir)
-    if not outcome.verdict.passed:
-        print(f"what to do: {_from_here(FAILS)}", file=sys.stderr)
-        raise typer.Exit(EXIT_FAILED)
+        finished = run_checked(scenario, True, seed, out_dir)
+    _tell(finished, out_dir)
 
 
 app.command(

@@ -92,6 +92,7 @@ def simulator(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         progress: Callable[[ProgressInfo], None],
         native: None,
         gdb: None,
+        load: None,
     ) -> RunData:
         state["calls"].append((scenario.name, out_dir, seed, waves))
         progress(ProgressInfo(0.01, 0.02, 60_000.0, 1.1e6, "run"))
