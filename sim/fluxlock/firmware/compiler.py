@@ -199,7 +199,7 @@ def _carrier(d: Design) -> dict[str, Value]:
     return {
         "carrier_period_cycles": cycles(1.0 / drive.carrier_hz),
         "carrier_longest_cycles": cycles(d.longest_s),
-        "light_rotor": int(d.carrier_moves_rotor),
+        "restart_carriers": d.restart_carriers,
         "on_time_floor_cycles": cycles(d.settle_s + 4.0 * sensing.sample_period_s),
         "least_on_cycles": cycles(d.settling.least_s),
         "duty_max_q30": round(drive.duty_max * Q30),

@@ -44,6 +44,10 @@ SPEED_DELAY_TURNS = 3.5 / 6.0
 CURRENT_BANDWIDTH_HZ = 100.0
 # Carrier over the time constant of the rotor on its EMF line, from which on a cut carrier shows in the speed.
 CARRIER_SHARE = 1 / 150
+# Carriers of a sector beyond which they run on: a light rotor that swings, a heavy one.
+RESTART_CARRIERS, RESTART_ALWAYS = 8, 30_000
+# Of the rotor on its EMF, from which on the beat of carriers that run on is no resonance.
+SWING_DAMPING = 0.25
 
 
 @dataclass(frozen=True)
@@ -224,11 +228,20 @@ class Design:
         return max(m.line_ohm, min(wanted, CURRENT_LOOP_LAG_RAD / CURRENT_LOOP_LAG_TICKS * m.line_h / self.tick_s))
 
     @property
-    def carrier_moves_rotor(self) -> bool:
-        """A carrier is no small part of the time in which the EMF line moves the rotor, J R_l / k_e^2."""
+    def restart_carriers(self) -> int:
+        """Carriers of a sector up to which a commutation starts them anew, if asked for.
+
+        The EMF line moves the rotor with the time constant J R_l / k_e^2. Where a carrier is no small part of it, cut
+        pulses show in the speed: from some carriers a sector on they run on. A rotor whose swing on the spring of its
+        EMF is damped as well, 1/2 sqrt(J R_l^2 / (k_e^2 L_l)), bears the beat of few carriers that run on; cut ones take
+        the line away that holds it.
+        """
         m = self.machine
         moves_s = self.s.motor.inertia_kgm2 * m.line_ohm / m.k_e**2
-        return 1.0 / self.s.drive.carrier_hz > CARRIER_SHARE * moves_s
+        if 1.0 / self.s.drive.carrier_hz <= CARRIER_SHARE * moves_s:
+            return RESTART_ALWAYS
+        damped = 0.5 * math.sqrt(moves_s * m.line_ohm / m.line_h) >= SWING_DAMPING
+        return 0 if damped else RESTART_CARRIERS
 
     @property
     def lag_s(self) -> float:

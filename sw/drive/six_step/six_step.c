@@ -7,8 +7,8 @@
 #include "control/placement.h"
 
 #define MISSES_BEFORE_TRIP 2u
-// Carriers of a sector up to which each commutation starts them anew on a rotor that its EMF holds.
-#define RESTART_CARRIERS 8u
+// Carriers of a sector up to which each commutation starts them anew on a rotor that its EMF alone holds.
+#define RESTART_CARRIERS 8
 // 5 ms at 10 kHz, looked at every fourth tick.
 #define OUTRUN_TICKS 50u
 // 5 ms of a stop in which the shortest pulse drives the rotor.
@@ -179,10 +179,11 @@ HOT static outcome_t sensors_step(six_step_t *six, const six_step_view_t *view) 
 // rotor that it alone holds, or a light one, gets carriers that run on where a sector has many.
 HOT static void align(six_step_t *six, const settings_t *settings) {
   sequence_command_t *sequence = &six->command.sequence;
-  const uint32_t most = (sequence->commutation == COMMUTATION_CSC) ? RESTART_CARRIERS : RESTART_CARRIERS / 4u * 3u;
-  const bool held_by_emf = six->p->light_rotor != 0u || is_firm(settings);
-  const bool runs_on = settings->commutation == COMMUTATION_CSC && held_by_emf &&
-                       six->m.sector_cycles > most * settings->carrier_period_cycles;
+  const int32_t of_rotor = six->p->restart_carriers;
+  const int32_t most = (is_firm(settings) && of_rotor > RESTART_CARRIERS) ? RESTART_CARRIERS : of_rotor;
+  const uint32_t most_cycles = (uint32_t)most * settings->carrier_period_cycles;
+  const uint32_t now_cycles = (sequence->commutation == COMMUTATION_CSC) ? most_cycles : most_cycles / 4u * 3u;
+  const bool runs_on = settings->commutation == COMMUTATION_CSC && six->m.sector_cycles > now_cycles;
   sequence_align(sequence, runs_on ? COMMUTATION_NSC : settings->commutation);
 }
 
