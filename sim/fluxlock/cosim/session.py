@@ -9,6 +9,7 @@ Who leads a run does it by this: a plan (`fluxlock.cosim.planned`), its branches
 from __future__ import annotations
 
 import json
+import os
 import socket
 import time
 from collections.abc import Sequence
@@ -108,8 +109,10 @@ class Session:
             if self.plan.dialogue is not None:
                 line |= {"stage": self.plan.dialogue.stage, "share": self.plan.dialogue.share}
             path = self.plan.folder / PROGRESS_FILE
-            path.with_suffix(".tmp").write_text(json.dumps(line))
-            path.with_suffix(".tmp").replace(path)
+            # Copies of this process, which run side by side, have the same folder.
+            own = path.with_suffix(f".{os.getpid()}.tmp")
+            own.write_text(json.dumps(line))
+            own.replace(path)
 
     def exchange(self) -> None:
         """Let the plan's peer take and send frames."""
