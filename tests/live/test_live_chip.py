@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -30,6 +31,7 @@ from fluxlock.results.rundata import RECORD_DTYPE, LogKind
 SPINDLE = Path("scenarios/own-spindle.toml")
 MASKED_S = 0.025
 BUS_S = 0.031  # the drive has been asked three times
+MISSED_S = 0.015  # the drive is asked every 10 ms
 READY_S, STARTED_S = 0.003, 0.008  # the rotor is being put in place: 0.4 million clocks
 
 
@@ -214,18 +216,25 @@ def test_bus_load() -> None:
     assert load.percent == 0.0
 
 
+def run(chip: Chip, seconds: float) -> None:
+    """So much simulated time."""
+    end_s = chip.now + seconds
+    while chip.now < end_s - 0.5 / CLOCK_HZ:
+        chip.advance(end_s - chip.now)
+
+
 def test_bus() -> None:
     """A scenario with [can] has a node beside the drive: it boots, is started and heard, and the bus has a load.
 
-    The console's start still works; an export is refused, since no run has that node.
+    The console's start still works; an export is refused, since no run has that node. The button *Silent bus* takes the
+    node away, which the drive misses.
 
     Verifies: LIVE-19
     """
     scenario = load_scenario("scenarios/can.toml")
     chip = Chip(ChipPlan(scenario), 1)
     try:
-        while chip.now < BUS_S:
-            chip.advance(BUS_S - chip.now)
+        run(chip, BUS_S)
         chip.act(messages.Set(kind="set", name="speed_rpm", value="15000"))
         chip.act(messages.Drive(kind="drive", do="start"))
         for _ in range(10):
@@ -237,5 +246,14 @@ def test_bus() -> None:
         assert ("start", "ok") in {(entry["text"], entry["answer"]) for entry in chip.said}, chip.said
         with pytest.raises(RefusedError, match=r"leave \[can\] out"):
             chip.export("my-play")
+        buttons = {entry["name"]: entry["order"] for entry in chip.hello()["faults"]}
+        chip.act(messages.Set(kind="set", name="command_timeout_ms", value=str(round(1e3 * MISSED_S))))
+        run(chip, 2 * MISSED_S)
+        assert chip.status()["fault"] == "none", "the node is heard"
+        order = messages.parse(json.dumps(buttons["Silent bus"]))
+        assert isinstance(order, messages.Bus)
+        chip.act(order)
+        run(chip, 2 * MISSED_S)
+        assert chip.status()["fault"] == "command_timeout"
     finally:
         chip.end()

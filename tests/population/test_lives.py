@@ -57,8 +57,9 @@ def test_lives_that_are_right(method: Method, index: int) -> None:
 
 @pytest.mark.parametrize("index", [38, 48, 61, 73, 74, 82, 89])
 def test_six_step_lives_turn_evenly(index: int) -> None:
-    """Drives that brake: swung by 2 % by restarted carriers (61, 89, a light one by 10 %: 38), by 1.1 % by unequal pairs, by
-    2 to 4 % by dead times (82, 74), which also kept a speed from settling (48).
+    """Drives that brake swung by 2 % by restarted carriers, by 1.1 % by unequal pairs, by 2 to 4 % by dead times.
+
+    A light rotor swung by 10 % by restarted carriers (38), a speed did not settle where dead times act (48).
 
     Verifies: FW-74
     """

@@ -233,8 +233,8 @@ class Design:
 
         The EMF line moves the rotor with the time constant J R_l / k_e^2. Where a carrier is no small part of it, cut
         pulses show in the speed: from some carriers a sector on they run on. A rotor whose swing on the spring of its
-        EMF is damped as well, 1/2 sqrt(J R_l^2 / (k_e^2 L_l)), bears the beat of few carriers that run on; cut ones take
-        the line away that holds it.
+        EMF is damped as well, 1/2 sqrt(J R_l^2 / (k_e^2 L_l)), bears the beat of few carriers that run on; cut ones
+        take the line away that holds it.
         """
         m = self.machine
         moves_s = self.s.motor.inertia_kgm2 * m.line_ohm / m.k_e**2

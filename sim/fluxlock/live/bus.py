@@ -20,9 +20,13 @@ DEVICE_TYPE = bytes([0x40, 0x00, 0x10, 0, 0, 0, 0, 0])  # SDO request to read 0x
 
 
 class Companion:
-    """A master that commands nothing: it acknowledges, starts the node, and asks often enough not to be missed."""
+    """A master that commands nothing: it acknowledges, starts the node, and asks often enough not to be missed.
+
+    silent: it acknowledges only.
+    """
 
     finished = False
+    silent = False
 
     def __init__(self, timing: BitTiming, node_id: int) -> None:
         self.timing, self._node_id, self._asked = timing, node_id, 0
@@ -30,9 +34,9 @@ class Companion:
     def exchange(self, cycle: int, node: CanSide) -> None:
         """Take what has come, send what is due."""
         while (frame := node.take()) is not None:
-            if frame.id == BOOT_UP + self._node_id and frame.data == b"\0":
+            if frame.id == BOOT_UP + self._node_id and frame.data == b"\0" and not self.silent:
                 node.send(Frame(0, False, False, 2, bytes([NMT_START, self._node_id])))
-        if cycle - self._asked >= ASK_CYCLES and node.waiting == 0:
+        if cycle - self._asked >= ASK_CYCLES and node.waiting == 0 and not self.silent:
             self._asked = cycle
             node.send(Frame(ASK + self._node_id, False, False, 8, DEVICE_TYPE))
 

@@ -29,9 +29,10 @@ from fluxlock.headers import CData
 from fluxlock.live import messages
 from fluxlock.live.bus import BusLoad, Companion
 from fluxlock.live.estimate import Estimate
+from fluxlock.live.faults import NO_BUS
 from fluxlock.live.freewheel import Freewheel
 from fluxlock.live.played import Played
-from fluxlock.live.simulated import LINK_ENV, Go, Report
+from fluxlock.live.simulated import LINK_ENV, Go, Report, Silence
 from fluxlock.live.source import RefusedError
 from fluxlock.live.traces import GATES, MARKS, NAMES, SIX_STEP_ONLY, TOLD, Floats, Marks, columns, marks_of
 from fluxlock.native.play import Taken
@@ -140,7 +141,21 @@ class Chip(Played):
         last = self._cycle + PATIENCE_CYCLES
         while self._waiting and self._cycle < last:
             self._go((self._cycle + LISTEN_CYCLES) / CLOCK_HZ)
+        if self._bus is not None and isinstance(action, messages.Bus):
+            self._hush(action.silent)
+            return
+        if self._bus is not None and isinstance(action, messages.Break) and action.fault.kind == "clear":
+            self._hush(False)
         super().act(action)
+
+    def _hush(self, silent: bool) -> None:
+        """The node beside the drive says nothing, or what it has to."""
+        self._link.send(Silence(silent))
+        text = "the other node on the bus is silent" if silent else "the other node on the bus is heard"
+        self.said.append({"kind": "said", "t_s": self.now, "text": text, "answer": ""})
+
+    def _no_bus(self) -> str:
+        return NO_BUS if self._bus is None else ""
 
     def _go(self, end_s: float, until: str = "end") -> bool:
         end = round(end_s * CLOCK_HZ)

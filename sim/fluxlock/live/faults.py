@@ -12,13 +12,14 @@ from fluxlock.config import Scenario
 from fluxlock.config.scenario import DEAD_CORE_S, HALL_GLITCH_S, NOISY_LSB, Fault
 
 SHORT_TURNS = 0.1  # that still act
+NO_BUS = "no other node is on a bus of this drive: its commands come from the page"
 PHASES: tuple[Literal["A", "B", "C", "D", "E"], ...] = ("A", "B", "C", "D", "E")
 
 
-def catalogue(scenario: Scenario, missing: Callable[[Fault], str]) -> list[dict[str, Any]]:
+def catalogue(scenario: Scenario, missing: Callable[[Fault], str], no_bus: str = NO_BUS) -> list[dict[str, Any]]:
     """Buttons in their order: name, explanation, and the message that a click sends or the reason why there is none.
 
-    missing: why a source does not have a fault; "": it has.
+    missing: why a source does not have a fault; "": it has. no_bus: why no other node is on the drive's bus; "": it is.
     """
     supply_v = scenario.inverter.supply_v
     faults: list[tuple[str, str, Fault]] = [
@@ -51,7 +52,11 @@ def catalogue(scenario: Scenario, missing: Callable[[Fault], str]) -> list[dict[
     ):
         order = {"kind": "supply", "volt": volt, "ramp_s": 0.0}
         shown.append({"name": name, "text": text, "order": order, "why": ""})
-    shown += [{"name": name, "text": why, "order": None, "why": why} for name, why in never(scenario).items()]
+    order_of_wires = other_wires(scenario)
+    shown.append({"name": "Wrong phase order", "text": order_of_wires, "order": None, "why": order_of_wires})
+    text = "the other node asks no more, and command_timeout_ms counts; Mend all has it heard again"
+    silence = None if no_bus else {"kind": "bus", "silent": True}
+    shown.append({"name": "Silent bus", "text": no_bus or text, "order": silence, "why": no_bus})
     mend = {"kind": "fault", "fault": {"kind": "clear"}}
     return [*shown, {"name": "Mend all", "text": "but the supply", "order": mend, "why": ""}]
 
@@ -63,17 +68,13 @@ def without(scenario: Scenario, fault: Fault) -> str:
     return ""
 
 
-def never(scenario: Scenario) -> dict[str, str]:
-    """Faults that no running drive shows here, and why."""
-    order = (
-        "wires do not change places in a running drive; to begin with them changed, restart with "
-        "--set motor.encoder.inverted=true"
-        if scenario.motor.encoder is not None
-        else "a drive without an encoder or Hall sensors cannot tell: the shaft turns the other way, and nothing trips"
-    )
+def other_wires(scenario: Scenario) -> str:
+    """Why no running drive shows a wrong order of its wires."""
     if scenario.drive.hall.mode != "off":
-        order = "wires do not change places in a running drive; to begin with them changed, change motor.hall"
-    bus = "this drive has no bus: its commands come from the page"
-    if scenario.can is not None:
-        bus = "the page's node on the bus never falls silent; `fluxlock can` puts your own node there"
-    return {"Wrong phase order": order, "Silent bus": bus}
+        return "wires do not change places in a running drive; to begin with them changed, change motor.hall"
+    if scenario.motor.encoder is not None:
+        return (
+            "wires do not change places in a running drive; to begin with them changed, restart with "
+            "--set motor.encoder.inverted=true"
+        )
+    return "a drive without an encoder or Hall sensors cannot tell: the shaft turns the other way, and nothing trips"

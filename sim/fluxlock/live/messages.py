@@ -103,6 +103,13 @@ class Break(Message):
     fault: Fault
 
 
+class Bus(Message):
+    """The other node on the bus falls silent, or is heard again."""
+
+    kind: Literal["bus"]
+    silent: bool
+
+
 class Pace(Message):
     """Simulated over real time; 0: pause."""
 
@@ -141,7 +148,7 @@ class Table(Message):
     to_s: Seconds
 
 
-Action = Drive | Set | LoadFactor | Supply | Break
+Action = Drive | Set | LoadFactor | Supply | Break | Bus
 Order = Action | Pace | Step | Restart | Export  # to the source
 Received = View | Planes | Table | Order
 _ADAPTER: TypeAdapter[Received] = TypeAdapter(Annotated[Received, Field(discriminator="kind")])

@@ -23,7 +23,7 @@ from fluxlock.firmware.binding import names
 from fluxlock.headers import CData
 from fluxlock.interface.settings import Setting, load_settings
 from fluxlock.live import messages
-from fluxlock.live.faults import catalogue, without
+from fluxlock.live.faults import NO_BUS, catalogue, without
 from fluxlock.live.source import RefusedError
 from fluxlock.live.traces import NAMES, TOLD, Floats
 from fluxlock.native.play import ScenarioPlay
@@ -85,7 +85,7 @@ class Played(ABC):
             "rated_torque_nm": s.motor.rated_torque_nm,
             "settings": self.settings,
             "states": names("drive_state_t"),
-            "faults": catalogue(s, self._missing),
+            "faults": catalogue(s, self._missing, self._no_bus()),
         }
 
     def _advance(self, end_s: float, until: str = "end") -> bool:
@@ -111,6 +111,10 @@ class Played(ABC):
             self._go(event.at_s)
         self._act(event)
 
+    def _no_bus(self) -> str:
+        """Why no other node is on the drive's bus; "": one is."""
+        return NO_BUS
+
     def _earliest(self, action: messages.Action) -> float:
         """The console takes no line before the drive has booted."""
         return BOOT_S if isinstance(action, (messages.Drive, messages.Set)) else 0.0
@@ -125,6 +129,8 @@ class Played(ABC):
             if why := self._missing(action.fault) or without(self.scenario, action.fault):
                 raise RefusedError(why)
             return {"fault": action.fault.model_dump(exclude_unset=True)}
+        if isinstance(action, messages.Bus):
+            raise RefusedError(NO_BUS)
         if isinstance(action, messages.Set):
             line = f"set {action.name} {action.value}"
         elif action.do == "reverse":

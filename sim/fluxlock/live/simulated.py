@@ -24,6 +24,7 @@ from fluxlock.cosim.plan import PLAN_ENV, Action, SessionPlan
 from fluxlock.cosim.session import PlantFault, Session
 from fluxlock.firmware.binding import types
 from fluxlock.generate.memory import TELEMETRY_ADDRESS
+from fluxlock.live.bus import Companion
 from fluxlock.results.rundata import RecordArray
 
 LINK_ENV = "FLUXLOCK_LIVE_LINK"  # file number of the pipe
@@ -35,6 +36,13 @@ class Go:
 
     cycles: int
     until: int = 0
+
+
+@dataclass(frozen=True)
+class Silence:
+    """The node beside the drive says nothing from now on, or again what it has to."""
+
+    on: bool
 
 
 @dataclass(frozen=True)
@@ -69,6 +77,11 @@ class Simulated:
                 return
             if isinstance(order, Action):
                 self._order(order)
+                continue
+            if isinstance(order, Silence):
+                peer = self._session.plan.peer
+                assert isinstance(peer, Companion)
+                peer.silent = order.on
                 continue
             try:
                 await self._go(order)
