@@ -32,7 +32,7 @@
 // Settings are copied at update_i. Period and duty act from the first carrier that starts 4 or more clocks after
 // update_i. Before the first update the period is 65535 and the duty 0.
 // Errors: none are reported. The block raises a period below 4 * min_pulse to that value.
-// Asserted: count_o stays below the period. Proved for all inputs: formal/fl_carrier.sby.
+// Asserted: count_o stays below the period. Proved for all inputs: cocotb_tests/pwm/fl_carrier.sby.
 `default_nettype none
 module fl_carrier
   import fl_pkg::*;

@@ -22,7 +22,7 @@
 // Formats: clocks. Periods below 16 count as 16. Latency of the requests to update_o, carrier_start_o, second_o and
 // count_o: none, all are registers of the same stage; the guard follows one clock later. After a reset a carrier starts
 // 2 clocks after rst_i falls.
-// Asserted: no leg is asked for both switches. Proved for all inputs: formal/fl_leg_carrier.sby.
+// Asserted: no leg is asked for both switches. Proved for all inputs: cocotb_tests/pwm/fl_leg_carrier.sby.
 `default_nettype none
 module fl_leg_carrier #(
     parameter int unsigned Phases = 3,

@@ -12,7 +12,7 @@
 //
 // Input: raw 12-bit codes with adc_valid_i. cfg_longest_cycles_i = 0: never on; cfg_age_cycles_i = 0 acts as 1.
 // Latency: 1 clock. brake_o comes from a register and is active high.
-// Asserted: off in the clock after enable_i was low, and with overload_o. Proved for all inputs: formal/fl_brake.sby.
+// Asserted: off in the clock after enable_i was low, and with overload_o. Proved: cocotb_tests/safety/fl_brake.sby.
 `default_nettype none
 module fl_brake
   import fl_pkg::*;

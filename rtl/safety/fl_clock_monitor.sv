@@ -18,7 +18,7 @@
 // Latency: bad_o is high after clock edge MostCycles + 3 behind the last toggle of beat_i at the latest.
 // Clock domains: beat_i and hold_i are asynchronous, each passes fl_sync. bad_o and beat_o are registers of clk_i. There is
 // no reset: from configuration on, which leaves flip-flops at 0, bad_o is high until hold_i has been there.
-// Asserted: bad_o falls by hold_i alone. Proved for all inputs: formal/fl_clock_monitor.sby.
+// Asserted: bad_o falls by hold_i alone. Proved for all inputs: cocotb_tests/safety/fl_clock_monitor.sby.
 `default_nettype none
 module fl_clock_monitor #(
     parameter int unsigned BeatCycles  = 64,  // power of two

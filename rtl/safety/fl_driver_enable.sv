@@ -7,7 +7,7 @@
 // low. A pin that stands still, high or low, is no enable: with the clock stops everything that depends on it.
 //
 // Latency: low in the clock after permit_i fell. Asserted: low in the clock after permit_i was low. Proved for all inputs:
-// formal/fl_driver_enable.sby.
+// cocotb_tests/safety/fl_driver_enable.sby.
 `default_nettype none
 module fl_driver_enable #(
     parameter int unsigned HalfCycles = 64  // clocks between two edges

@@ -17,7 +17,7 @@
 // Polarity is of the build: nothing can change it, and from the end of configuration on, during reset too, pins show "off"
 // in it.
 // Asserted: never both gates of a leg; off in the clock after trip_i, in a short the upper ones. Proved for all inputs:
-// formal/fl_gate_guard.sby.
+// cocotb_tests/safety/fl_gate_guard.sby.
 `default_nettype none
 module fl_gate_guard #(
     parameter int unsigned Phases        = 3,

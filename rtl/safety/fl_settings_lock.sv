@@ -7,7 +7,7 @@
 // while it is high. From then on the parity of settings_i is compared with what it was when the lock closed: a single
 // bit that changes in them, by an upset or a broken lock, raises changed_o in the next clock, for as long as it differs.
 //
-// Latency: 1 clock. Asserted: locked_o does not fall without a reset. Proved: formal/fl_settings_lock.sby.
+// Latency: 1 clock. Asserted: locked_o does not fall without a reset. Proved: cocotb_tests/safety/fl_settings_lock.sby.
 `default_nettype none
 module fl_settings_lock #(
     parameter int unsigned Width = 32,

@@ -10,7 +10,7 @@
 // Input: feed_i pulse with step_i. cfg_cycles_i = 0: off, no fault and the numbers do not count.
 // Latency: wrong_o is high in the clock after the wrong number; expired_o is high from cfg_cycles_i clocks after the last
 // right number, or after enable_i rose, on. Both hold while enable_i is high and end in the clock after it has fallen.
-// Asserted: no fault without enable_i in the clock before. Proved for all inputs: formal/fl_watchdog.sby.
+// Asserted: no fault without enable_i in the clock before. Proved for all inputs: cocotb_tests/safety/fl_watchdog.sby.
 `default_nettype none
 module fl_watchdog #(
     parameter int unsigned Width = 24  // bits of the period

@@ -83,19 +83,18 @@ def _naming(words: Collection[str], texts: dict[str, str]) -> set[str]:
 def selection(changed: Collection[str], texts: dict[str, str]) -> list[str]:
     """What pytest is to run for the changed files, units and closed loop besides.
 
-    texts: of all files of `cocotb_tests` and `tests` that end in .py, and of `formal/*.sby`, by path.
+    texts: of all files of `cocotb_tests` and `tests` that end in .py or .sby, by path.
     """
     paths = [PurePosixPath(name) for name in changed]
-    blocks = [p for p in paths if p.parts[0] in ("rtl", "cocotb_tests", "formal")]
+    blocks = [p for p in paths if p.parts[0] in ("rtl", "cocotb_tests")]
     everywhere = any(name.startswith(EVERYWHERE) for name in changed)
-    benches = {name: text for name, text in texts.items() if name.startswith(("cocotb_tests/", "formal/"))}
+    benches = {name: text for name, text in texts.items() if name.startswith("cocotb_tests/")}
     named = _naming({_word(p) for p in blocks}, benches) if blocks else set()
     hit = {name for name in benches if everywhere or name in named or name in changed}
     chosen = {name for name in hit if PurePosixPath(name).name.startswith("test_")}
-    proofs = {PurePosixPath(name).stem for name in hit if name.endswith(".sby")}
-    proofs |= {p.stem for p in paths if p.suffix == ".sby" and str(p) in texts}
+    proofs = {name for name in hit if name.endswith(".sby")}
     proof = "tests/formal/test_safety_proofs.py::test_proof"
-    chosen |= {f"{proof}[{name}-{task}]" for name in proofs for task in tasks(texts[f"formal/{name}.sby"])}
+    chosen |= {f"{proof}[{PurePosixPath(name).stem}-{task}]" for name in proofs for task in tasks(texts[name])}
     packages = {p.parts[2] for p in paths if p.parts[0] == "sim" and len(p.parts) > 3}
     packages |= {p.parts[1] for p in paths if p.parts[0] == "tests" and len(p.parts) > 2}
     for package in packages - CHIPS:
@@ -111,8 +110,10 @@ def tasks(sby: str) -> list[str]:
 
 def read_texts() -> dict[str, str]:
     """Texts of tests, benches and proofs, by path."""
-    files = [path for folder in ("cocotb_tests", "tests") for path in (ROOT / folder).rglob("*.py")]
-    files += (ROOT / "formal").glob("*.sby")
+    kinds = {".py", ".sby"}
+    files = [
+        path for folder in ("cocotb_tests", "tests") for path in (ROOT / folder).rglob("*") if path.suffix in kinds
+    ]
     return {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in files}
 
 

@@ -24,7 +24,15 @@ TEXTS = {
     "cocotb_tests/can/test_fl_can.py": "from cocotb_tests.can.bench import SOURCES",
     "cocotb_tests/soc/bench.py": "",
     "cocotb_tests/soc/test_fl_irq.py": "from cocotb_tests.soc.bench import Bench",
-    "formal/fl_trip.sby": "# Licence\n\n[tasks]\nprove\nsecond\n[options]\n[files]\n../../rtl/safety/fl_trip.sv\n",
+    "cocotb_tests/safety/fl_trip.sby": """# Licence
+
+[tasks]
+prove
+second
+[options]
+[files]
+../../rtl/safety/fl_trip.sv
+""",
     "tests/plant/test_hall.py": "",
     "tests/canopen/test_sdo.py": "",
     "tests/canopen/test_chip.py": "data = run_chip(folder)",
@@ -46,7 +54,7 @@ PROOF = "tests/formal/test_safety_proofs.py::test_proof"
             ["cocotb_tests/safety/test_fl_trip.py", f"{PROOF}[fl_trip-prove]", f"{PROOF}[fl_trip-second]"],
         ),
         (
-            "formal/fl_trip.sby",
+            "cocotb_tests/safety/fl_trip.sby",
             ["cocotb_tests/safety/test_fl_trip.py", f"{PROOF}[fl_trip-prove]", f"{PROOF}[fl_trip-second]"],
         ),
         ("sim/fluxlock/plant/kernel.py", ["tests/plant/test_hall.py"]),

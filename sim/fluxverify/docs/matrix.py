@@ -8,7 +8,7 @@ verifies them says so with a line `Verifies: ID, ID`:
 
 - a test that pytest or cocotb collects, in its docstring;
 - a property of a proof, in a comment directly above it (the labelled properties below it, up to another line); the
-  proof counts only if a task of `formal/*.sby` reads it;
+  proof (`*_f.sv`) counts only if a task of a `.sby` reads it;
 - a case of the regression, in the docstring of its function.
 
 A `Verifies:` that stands elsewhere is an error: nothing runs there. `docs/verification/places.txt` records every test,
@@ -39,7 +39,7 @@ PROPERTY = re.compile(r"\b([a-z]_\w+)\s*:\s*(?:assert|cover)\b")
 
 VERIFICATION = Path("docs", "verification")
 TEST_FOLDERS = ("tests", "cocotb_tests")
-PROOF_FOLDER = "formal"
+PROOF_FOLDER = "cocotb_tests"  # a proof stands beside the tests of its block
 PROOF_TEST = "tests/formal/test_safety_proofs.py::test_proof"  # runs every task of every .sby
 CASE_FOLDER = Path("sim", "fluxverify", "regression")
 ROW = re.compile(r"^\| ([^ |]+/[^ |]+) \|", re.MULTILINE)
@@ -146,16 +146,16 @@ def read_proofs(root: Path) -> tuple[Places, list[str]]:
     """Tasks of the proofs, and the labelled properties of the files that they read."""
     places: Places = {}
     problems = []
-    read: set[str] = set()
-    for path in sorted((root / PROOF_FOLDER).glob("*.sby")):
+    read: set[Path] = set()
+    for path in sorted((root / PROOF_FOLDER).rglob("*.sby")):
         text = path.read_text(encoding="utf-8")
         names = tasks(text)
         places |= {f"{path.relative_to(root).as_posix()}:{task}": () for task in names}
         if names:
-            read |= {Path(line).name for line in text.partition("[files]")[2].split()}
+            read |= {(path.parent / line).resolve() for line in text.partition("[files]")[2].split()}
         if DECLARATION.search(text):
             problems.append(f"{path.relative_to(root)}: a task verifies what its properties do; name it there")
-    for path in sorted((root / PROOF_FOLDER).glob("*.sv")):
+    for path in sorted((root / PROOF_FOLDER).rglob("*_f.sv")):
         file = path.relative_to(root).as_posix()
         lines = path.read_text(encoding="utf-8").splitlines()
         claimed: tuple[str, ...] = ()
@@ -165,7 +165,7 @@ def read_proofs(root: Path) -> tuple[Places, list[str]]:
                 claimed, unused = _ids(match[1]), number
                 continue
             found = PROPERTY.search(line)
-            if found and path.name in read:
+            if found and path.resolve() in read:
                 places[f"{file}:{found[1]}"] = claimed
             if found:
                 unused = 0
@@ -174,7 +174,7 @@ def read_proofs(root: Path) -> tuple[Places, list[str]]:
             if unused:
                 problems.append(f"{file}:{unused}: no labelled property stands below this line")
                 unused = 0
-        if path.name not in read:
+        if path.resolve() not in read:
             problems.append(f"{file}: no task of a .sby reads this proof")
     return places, problems
 
