@@ -40,14 +40,18 @@ pkg/fl_pkg.sv
 ../build/generated/fl_can_regs.sv
 ../build/generated/fl_spi_regs_pkg.sv
 ../build/generated/fl_spi_regs.sv
+common/fl_sine_pkg.sv
 zcd/fl_asin_pkg.sv
 foc/fl_foc_pkg.sv
-foc/fl_sine_pkg.sv
-foc/fl_vector_pkg.sv
 injection/fl_injection_pkg.sv
 can/fl_can_pkg.sv
 soc/fl_bus_pkg.sv
 soc/fl_map_pkg.sv
+soc/fl_vector_pkg.sv
+
+common/fl_fifo.sv
+common/fl_sincos.sv
+common/fl_sync.sv
 
 sense/fl_auto_zero.sv
 sense/fl_current_window.sv
@@ -71,9 +75,7 @@ foc/fl_foc.sv
 foc/fl_mac.sv
 foc/fl_modulator.sv
 foc/fl_ratio.sv
-foc/fl_sincos.sv
 foc/fl_sqrt.sv
-foc/fl_vector.sv
 
 injection/fl_injection.sv
 injection/fl_injection_mac.sv
@@ -93,7 +95,6 @@ safety/fl_clock_monitor.sv
 safety/fl_driver_enable.sv
 safety/fl_gate_guard.sv
 safety/fl_settings_lock.sv
-safety/fl_sync.sv
 safety/fl_trip.sv
 safety/fl_watchdog.sv
 
@@ -110,7 +111,6 @@ soc/fl_capture_wb.sv
 soc/fl_comm_wb.sv
 soc/fl_cpu.sv
 soc/fl_encoder_wb.sv
-soc/fl_fifo.sv
 soc/fl_foc_wb.sv
 soc/fl_freewheel_wb.sv
 soc/fl_hall_wb.sv
@@ -134,6 +134,7 @@ soc/fl_uart.sv
 soc/fl_uart_rx.sv
 soc/fl_uart_tx.sv
 soc/fl_uart_wb.sv
+soc/fl_vector.sv
 soc/fl_zcd_wb.sv
 
 // Soft core.

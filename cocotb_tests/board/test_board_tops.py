@@ -103,7 +103,8 @@ def test_board_tops(top: str) -> None:
     """
     here = Path(__file__).parent
     sources = [
-        *(f"safety/fl_{name}.sv" for name in ("sync", "async_clear", "clock_monitor", "driver_enable")),
+        "common/fl_sync.sv",
+        *(f"safety/fl_{name}.sv" for name in ("async_clear", "clock_monitor", "driver_enable")),
         *("safety/fl_trip.sv", "safety/fl_gate_guard.sv", "board/fl_pll_reset.sv"),
         *("board/fl_adc_serial.sv", "board/fl_adc_fault.sv", "board/fl_board.sv", f"board/{top}.sv"),
         *(here / "fl_soc_stand_in.sv", here / "vendor_models.sv"),

@@ -446,7 +446,8 @@ def test_fl_board(polarity: int) -> None:
     Verifies: BRD-08, CLK-02, CLK-03, CLK-04, CLK-05
     """
     sources = [
-        *(f"safety/fl_{name}.sv" for name in ("sync", "async_clear", "clock_monitor", "driver_enable")),
+        "common/fl_sync.sv",
+        *(f"safety/fl_{name}.sv" for name in ("async_clear", "clock_monitor", "driver_enable")),
         "board/fl_pll_reset.sv",
         "safety/fl_trip.sv",
         "safety/fl_gate_guard.sv",

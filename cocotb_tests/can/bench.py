@@ -14,8 +14,8 @@ CLOCK_NS = 20
 BENCHES = Path(__file__).parent
 BSP_SOURCES = [f"can/{name}.sv" for name in ("fl_can_pkg", "fl_can_bsp", "fl_can_confinement")]
 CAN_SOURCES = [
-    "safety/fl_sync.sv",
-    "soc/fl_fifo.sv",
+    "common/fl_sync.sv",
+    "common/fl_fifo.sv",
     *BSP_SOURCES,
     *(f"can/{name}.sv" for name in ("fl_can_bit_timing", "fl_can_tx", "fl_can_rx", "fl_can")),
 ]

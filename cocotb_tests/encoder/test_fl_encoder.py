@@ -18,7 +18,7 @@ from fluxlock.cosim.block import run_block_test
 CLOCK_NS = 20
 LATENCY = 3  # clocks from pin to position besides the filter, published by the module
 SETTLE = 530  # clocks after reset in which the pins only set the quarter
-SOURCES = ["safety/fl_sync.sv", "encoder/fl_encoder.sv"]
+SOURCES = ["common/fl_sync.sv", "encoder/fl_encoder.sv"]
 
 
 def pins(place: int, quarters: int, index: bool = True) -> int:

@@ -22,7 +22,8 @@ SPACING = {phases: latency + 3 for phases, latency in LATENCY.items()}
 WAIT_LATENCY = {3: 21, 5: 54}  # direct: from the start until it waits
 GO_LATENCY = {3: 32, 5: 75}  # direct: from the answer to the results
 SOURCES = [
-    f"foc/{name}.sv" for name in ("fl_sine_pkg", "fl_foc_pkg", "fl_sincos", "fl_mac", "fl_sqrt", "fl_ratio", "fl_foc")
+    *("common/fl_sine_pkg.sv", "common/fl_sincos.sv"),
+    *(f"foc/{name}.sv" for name in ("fl_foc_pkg", "fl_mac", "fl_sqrt", "fl_ratio", "fl_foc")),
 ]
 
 Pair = tuple[int, int]  # d, q

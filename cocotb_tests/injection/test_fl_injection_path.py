@@ -27,8 +27,8 @@ BUSY_CLOCKS = 48
 U_V, VOLTAGE_SCALE_V, CURRENT_SCALE_A = 20.0, 250.0, 20.0
 TIAN = HfMachine(r_ohm=0.0, ld_h=6.54e-3, lq_h=8.32e-3)
 PATH_SOURCES = [
-    "foc/fl_sine_pkg.sv",
-    "foc/fl_sincos.sv",
+    "common/fl_sine_pkg.sv",
+    "common/fl_sincos.sv",
     *SOURCES,
     *(f"injection/{name}.sv" for name in ("fl_injection", "fl_lock_in", "fl_iq_demod", "fl_separator")),
     "injection/fl_injection_path.sv",

@@ -206,6 +206,6 @@ def test_fl_clock_monitor(beat: int, least: int, most: int) -> None:
     Verifies: CLK-01
     """
     parameters = {"BeatCycles": beat, "LeastCycles": least, "MostCycles": most}
-    sources = ["safety/fl_sync.sv", "safety/fl_clock_monitor.sv"]
+    sources = ["common/fl_sync.sv", "safety/fl_clock_monitor.sv"]
     sizes_env = {"MONITOR_SIZES": f"{beat} {least} {most}"}
     run_block_test("fl_clock_monitor", sources, __name__, parameters=parameters, extra_env=sizes_env, seen=["fl_sync"])

@@ -453,7 +453,7 @@ def test_fl_trip() -> None:
     run_block_test(
         "fl_safety_chain",
         [
-            "safety/fl_sync.sv",
+            "common/fl_sync.sv",
             "safety/fl_trip.sv",
             "safety/fl_gate_guard.sv",
             ROOT / "cocotb_tests" / "safety" / "fl_safety_chain.sv",

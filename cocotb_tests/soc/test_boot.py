@@ -32,8 +32,9 @@ LISTEN_MS = 1
 RUNNING = "running"
 SOURCES = [
     *(f"soc/fl_{name}.sv" for name in ("bus_pkg", "map_pkg")),
-    "safety/fl_sync.sv",
-    *(f"soc/fl_{name}.sv" for name in ("ram", "cpu", "interconnect", "sys_wb", "fifo", "uart_rx", "uart_tx", "uart")),
+    "common/fl_sync.sv",
+    "common/fl_fifo.sv",
+    *(f"soc/fl_{name}.sv" for name in ("ram", "cpu", "interconnect", "sys_wb", "uart_rx", "uart_tx", "uart")),
     *(f"soc/fl_{name}.sv" for name in ("uart_wb", "spi", "spi_wb")),
     soft_core(),
 ]

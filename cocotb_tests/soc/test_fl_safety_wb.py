@@ -454,8 +454,13 @@ async def key_acts_once(dut: Any) -> None:
 
 def build_arguments(polarity: int) -> dict[str, Any]:
     """Of `run_block_test`: sources and parameters of the block."""
-    names = ("sync", "trip", "gate_guard", "watchdog", "settings_lock", "brake", "driver_enable")
-    sources = ["soc/fl_bus_pkg.sv", *(f"safety/fl_{name}.sv" for name in names), "soc/fl_safety_wb.sv"]
+    names = ("trip", "gate_guard", "watchdog", "settings_lock", "brake", "driver_enable")
+    sources = [
+        "soc/fl_bus_pkg.sv",
+        "common/fl_sync.sv",
+        *(f"safety/fl_{name}.sv" for name in names),
+        "soc/fl_safety_wb.sv",
+    ]
     parameters = {"HighActiveLow": polarity & 1, "LowActiveLow": polarity >> 1}
     seen = ["fl_settings_lock", "fl_safety_regs", "fl_gate_guard"]
     return {"sources": sources, "registers": ["safety"], "parameters": parameters, "seen": seen}

@@ -305,10 +305,10 @@ def test_fl_uart(seed: int, rx_depth: int) -> None:
 
     Verifies: SOC-07, SOC-08, SOC-30
     """
-    names = ("fl_bus_pkg", "fl_fifo", "fl_uart_rx", "fl_uart_tx", "fl_uart", "fl_uart_wb")
+    names = ("fl_bus_pkg", "fl_uart_rx", "fl_uart_tx", "fl_uart", "fl_uart_wb")
     run_block_test(
         "fl_uart_wb",
-        ["safety/fl_sync.sv", *(f"soc/{name}.sv" for name in names)],
+        ["common/fl_sync.sv", "common/fl_fifo.sv", *(f"soc/{name}.sv" for name in names)],
         __name__,
         parameters={"RxDepth": rx_depth},
         registers=["uart"],

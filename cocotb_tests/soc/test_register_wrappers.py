@@ -28,20 +28,21 @@ from cocotb_tests.zcd.zcd_bench import ZCD_SOURCES
 from fluxlock.base.paths import RTL
 from fluxlock.cosim.block import run_block_test
 
-FOC_TYPES = ["foc/fl_foc_pkg.sv", "foc/fl_vector_pkg.sv"]
+FOC_TYPES = ["foc/fl_foc_pkg.sv", "soc/fl_vector_pkg.sv"]
 SOURCES = {
     "can": CAN_SOURCES,
     "capture": ["soc/fl_capture.sv"],
     "comm": ["zcd/fl_interval_meter.sv", "zcd/fl_commutation_timer.sv"],
-    "encoder": ["safety/fl_sync.sv", "encoder/fl_encoder.sv"],
-    "foc": [name for name in FOC_SOURCES if isinstance(name, str) and not name.startswith("soc/")],
+    "encoder": ["common/fl_sync.sv", "encoder/fl_encoder.sv"],
+    "foc": [name for name in FOC_SOURCES if isinstance(name, str) and ("soc/" not in name or "/fl_vector" in name)],
     "freewheel": ["zcd/fl_interpolator.sv", "zcd/fl_freewheel.sv"],
     "injection": [*FOC_TYPES, *INJECTION_SOURCES],
-    "hall": ["safety/fl_sync.sv", "zcd/fl_hall.sv"],
+    "hall": ["common/fl_sync.sv", "zcd/fl_hall.sv"],
     "irq": ["soc/fl_irq.sv"],
     "pwm": PWM_SOURCES[:3],
     "safety": [
-        *(f"safety/fl_{name}.sv" for name in ("sync", "trip", "gate_guard", "watchdog", "settings_lock", "brake")),
+        "common/fl_sync.sv",
+        *(f"safety/fl_{name}.sv" for name in ("trip", "gate_guard", "watchdog", "settings_lock", "brake")),
         "safety/fl_driver_enable.sv",
     ],
     "sense": ["sense/fl_sample_scheduler.sv", "sense/fl_auto_zero.sv", "sense/fl_sense.sv"],
@@ -49,8 +50,8 @@ SOURCES = {
     "sys": [],
     "timer": ["soc/fl_interval.sv", "soc/fl_timer.sv"],
     "uart": [
-        "safety/fl_sync.sv",
-        *(f"soc/fl_{name}.sv" for name in ("fifo", "uart_rx", "uart_tx", "uart")),
+        *("common/fl_sync.sv", "common/fl_fifo.sv"),
+        *(f"soc/fl_{name}.sv" for name in ("uart_rx", "uart_tx", "uart")),
     ],
     "zcd": ZCD_SOURCES,
 }

@@ -64,7 +64,7 @@ BENCHES = (
         SAFETY,
         ("over_current", "fault_pin", "software_trip"),
         sources(
-            *("safety/fl_sync.sv", "safety/fl_trip.sv", "safety/fl_gate_guard.sv"),
+            *("common/fl_sync.sv", "safety/fl_trip.sv", "safety/fl_gate_guard.sv"),
             ROOT / "cocotb_tests" / "safety" / "fl_safety_chain.sv",
         ),
     ),

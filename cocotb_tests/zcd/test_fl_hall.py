@@ -195,4 +195,4 @@ async def phase_against_the_crossing(dut: Any) -> None:
 
 def test_fl_hall() -> None:
     """Hall sensor block test."""
-    run_block_test("fl_hall", ["safety/fl_sync.sv", "zcd/fl_hall.sv"], __name__)
+    run_block_test("fl_hall", ["common/fl_sync.sv", "zcd/fl_hall.sv"], __name__)

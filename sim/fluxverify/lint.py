@@ -30,7 +30,7 @@ from fluxlock.cosim.chip import CPU_HOST, CPU_HOST_ACCESS, rtl_sources
 from fluxlock.generate.registers import generate_registers
 from fluxlock.synth.configurations import load_configurations
 from fluxlock.synth.tools import WORK, memories, read_slang, relative, sources
-from fluxverify import c_shape, words
+from fluxverify import c_shape, rtl_shape, words
 
 CLEAN = BUILD / "lint"
 Part = Callable[[], str]  # what a tool complains of
@@ -202,8 +202,8 @@ def _c_code() -> str:
 
 
 def shape() -> list[Part]:
-    """The firmware's drive: one writing file per field, no call upward, no circle."""
-    return [c_shape.check]
+    """The firmware's drive: one writing file per field, no call upward, no circle; the RTL: no block names another."""
+    return [c_shape.check, rtl_shape.check]
 
 
 def ruff() -> list[Part]:

@@ -149,4 +149,4 @@ def test_terminated_while_a_block_is_simulated(
     monkeypatch.setattr(block, "BUILD", tmp_path)
     monkeypatch.setattr(block, "get_runner", lambda _: Runner())
     with pytest.raises(raised):
-        block.run_block_test("fl_sync", ["safety/fl_sync.sv"], __name__)
+        block.run_block_test("fl_sync", ["common/fl_sync.sv"], __name__)

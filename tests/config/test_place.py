@@ -120,7 +120,7 @@ def chip_folder() -> str:
 
 def block_folder() -> str:
     with pytest.raises(Stopped) as begun:
-        block.run_block_test("fl_sync", ["safety/fl_sync.sv"], __name__)
+        block.run_block_test("fl_sync", ["common/fl_sync.sv"], __name__)
     return str(begun.value)
 
 

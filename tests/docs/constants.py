@@ -23,6 +23,8 @@ from functools import cache
 from pathlib import Path
 
 from fluxlock.base.paths import ROOT, RTL, tool_environment
+from fluxlock.file_lists import chip_files
+from fluxlock.generate.registers import generate_registers
 
 MARK = re.compile(r"<!--\s*([\w./]+)\s*:\s*([A-Za-z_][^>]*?)\s*-->")
 MARKED = re.compile(r"(0x[0-9A-F]+|[−-]?\d[\d  ]*(?:\.\d+)?)\s*" + MARK.pattern)
@@ -165,13 +167,14 @@ def evaluate(text: str, name: Callable[[str], float], exact: bool = False) -> fl
 def elaborated(module: str, phases: int | None) -> dict[str, int]:
     """Parameters of a module as Verilator elaborates them, functions too. phases: another number of them."""
     source = source_of(module)
+    generate_registers()
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder) / "tree.json"
         command = ["verilator", "--json-only", "-Wno-fatal", "-Wno-lint", "--top-module", module]
         command += [f"-GPhases={phases}"] if phases is not None else []
         command += ["--json-only-output", str(tree), "--json-only-meta-output", str(tree.with_suffix(".meta"))]
-        packages = sorted(source.parent.glob("fl_*_pkg.sv"))
-        command += [str(RTL / "pkg" / "fl_pkg.sv"), *map(str, packages), str(source)]
+        packages = [path for path in chip_files() if path.stem.endswith("_pkg")]
+        command += [*map(str, packages), str(source)]
         command += [word for folder in sorted(RTL.iterdir()) if folder.is_dir() for word in ("-y", str(folder))]
         done = subprocess.run(command, env=tool_environment(), capture_output=True, text=True, check=False)
         assert tree.exists(), done.stderr

@@ -24,7 +24,7 @@ TOP = """// SPDX-FileCopyrightText: 2026 Fluxlock contributors
 
 SINE_LINES = 512  # of a quarter turn
 SINE_ONE = 1 << 22
-SINE_FILE = RTL / "foc" / "fl_sine_pkg.sv"
+SINE_FILE = RTL / "common" / "fl_sine_pkg.sv"
 
 
 def asin_q16() -> list[int]:

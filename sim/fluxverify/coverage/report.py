@@ -73,7 +73,12 @@ def page(
         "",
         *table("folder", RTL_COLUMNS, by_folder(rtl_numbers(rtl), 2)),
     ]
-    lines += ["", f"Not reached in `{EXPLAINED}`:", "", *(list(safety) or ["Nothing."])]
+    lines += [
+        "",
+        f"Not reached in {' and '.join(f'`{part}`' for part in EXPLAINED)}:",
+        "",
+        *(list(safety) or ["Nothing."]),
+    ]
     lines += ["", "## C", "", *table("folder", SOFTWARE_COLUMNS, by_folder(c, 2))]
     lines += ["", "## Python", "", *table("package", SOFTWARE_COLUMNS, by_folder(python, 3))]
     return "\n".join(lines) + "\n"

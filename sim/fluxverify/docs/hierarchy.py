@@ -29,7 +29,7 @@ THEMES = {
 }
 HUES = {
     "sense": 200, "zcd": 140, "foc": 265, "encoder": 225, "injection": 320, "pwm": 45, "safety": 5, "can": 175,
-    "soc": 215, "board": 30,
+    "soc": 215, "board": 30, "common": 215,
 }  # fmt: skip
 # Parts too small to explain anything.
 SMALL = {"fl_sync", "fl_fifo", "fl_interval", "fl_mac", "fl_sqrt", "fl_ratio", "fl_ram", "fl_injection_mac"}

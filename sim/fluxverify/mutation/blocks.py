@@ -48,7 +48,7 @@ BLOCKS = {
         ),
         Block(
             name="fl_trip",
-            sources=("safety/fl_sync.sv", "safety/fl_trip.sv"),
+            sources=("common/fl_sync.sv", "safety/fl_trip.sv"),
             test_modules=("cocotb_tests.safety.test_fl_trip", "cocotb_tests.safety.test_active_short"),
             goal_percent=95.0,
             bench="fl_safety_chain",
@@ -71,7 +71,7 @@ BLOCKS = {
         ),
         Block(
             name="fl_clock_monitor",
-            sources=("safety/fl_sync.sv", "safety/fl_clock_monitor.sv"),
+            sources=("common/fl_sync.sv", "safety/fl_clock_monitor.sv"),
             test_modules=("cocotb_tests.safety.test_fl_clock_monitor",),
             goal_percent=95.0,
             left_out=("bad_from_configuration_on",),  # of the first clocks of a simulation, and by name of a register

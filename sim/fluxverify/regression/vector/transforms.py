@@ -14,7 +14,8 @@ from fluxverify.regression.case import Row, case
 from fluxverify.regression.runner import Runner
 
 FOC = [
-    f"foc/{name}.sv" for name in ("fl_sine_pkg", "fl_foc_pkg", "fl_sincos", "fl_mac", "fl_sqrt", "fl_ratio", "fl_foc")
+    *("common/fl_sine_pkg.sv", "common/fl_sincos.sv"),
+    *(f"foc/{name}.sv" for name in ("fl_foc_pkg", "fl_mac", "fl_sqrt", "fl_ratio", "fl_foc")),
 ]
 CHAIN: list[str | Path] = [
     "foc/fl_modulator.sv",

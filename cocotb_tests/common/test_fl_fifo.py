@@ -54,4 +54,6 @@ def test_fl_fifo(width: int, depth: int, block: int) -> None:
 
     Verifies: SOC-06
     """
-    run_block_test("fl_fifo", ["soc/fl_fifo.sv"], __name__, parameters={"Width": width, "Depth": depth, "Block": block})
+    run_block_test(
+        "fl_fifo", ["common/fl_fifo.sv"], __name__, parameters={"Width": width, "Depth": depth, "Block": block}
+    )

@@ -132,7 +132,7 @@ async def quadrants_agree(dut: Any) -> None:
 def test_fl_sincos(width: int, scale: tuple[int, int]) -> None:
     """Sine block test over widths and scales."""
     parameters = {"Width": width, "ScaleNumerator": scale[0], "ScaleDenominator": scale[1]}
-    run_block_test("fl_sincos", ["foc/fl_sine_pkg.sv", "foc/fl_sincos.sv"], __name__, parameters=parameters)
+    run_block_test("fl_sincos", ["common/fl_sine_pkg.sv", "common/fl_sincos.sv"], __name__, parameters=parameters)
 
 
 def test_table_is_current() -> None:
