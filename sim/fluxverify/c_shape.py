@@ -9,7 +9,8 @@ through `void *` is not seen. Rules that
 
 - one file writes a field of a record; a section of the command is cleared by the hardware layer besides;
 - a file of the drive calls and includes its own layer and those below it only; nowhere is there a circle;
-- `control/` includes nothing of the drive, the drive nothing of application and node;
+- folders include and call what is in `FOLDERS` below them, console and node not each other, `control/` itself alone;
+- `hal/` and `images/` alone name a register;
 - below drive.c nothing names drive_t;
 - `enter` alone assigns the state; `follow`, and the boot, alone call it and the fault log.
 """
@@ -41,8 +42,8 @@ DRIVE: Final = "drive/"
 # The records whose fields are counted: the drive's, and what it says to the hardware layer.
 RECORDS: Final = (DRIVE, "hal/chip_io.h")
 # The sources that are read: whoever may write them.
-READ: Final = (DRIVE, "hal/", "app/", "canopen/")
-NOT_READ: Final = ("hal/host/", "hal/soc/", "canopen/host_node.c", "app/fuzz_main.c")
+READ: Final = (DRIVE, "hal/", "app/", "console/", "canopen/", "images/main.c", "images/host_main.c")
+NOT_READ: Final = ("hal/host/", "hal/soc/")
 
 
 class ShapeError(RuntimeError):
@@ -333,7 +334,15 @@ LAYERS: Final = (
     ("drive/six_step/", "drive/vector/"),
     ("drive/drive",),
 )
-FOLDERS: Final = (("control/",), (DRIVE,), ("app/", "canopen/"))  # from the bottom up
+FOLDERS: Final = (
+    ("control/",),
+    ("hal/",),
+    (DRIVE,),
+    ("app/", "console/", "canopen/"),
+    ("images/",),
+)  # from the bottom up
+APART: Final = {"console/", "canopen/"}
+REGISTER: Final = re.compile(r"\b(?:reg_read|reg_write|REG|FL_\w+_REGS__\w+)\b|hal/reg\.h|fluxlock_regs\.h")
 HARDWARE: Final = "hal/chip.c"
 CLEARED: Final = (
     "fresh",
@@ -345,14 +354,15 @@ SIX_STEP: Final = "drive/six_step/six_step.c"
 EITHER: Final = ("report_t", "six_step_report_t")  # by the method that drives
 
 
-def _upward(includes: Mapping[str, frozenset[str]]) -> Iterator[str]:
-    for number, below in enumerate(FOLDERS):
+def _upward(verb: str, graph: Mapping[str, frozenset[str]]) -> Iterator[str]:
+    for number, level in enumerate(FOLDERS):
         above = tuple(folder for part in FOLDERS[number + 1 :] for folder in part)
-        for name, others in sorted(includes.items()):
-            if name.startswith(below):
-                yield from (
-                    f"{name} includes {it}, which is not below it" for it in sorted(others) if it.startswith(above)
-                )
+        for folder in level:
+            beside = tuple(APART - {folder}) if folder in APART else ()
+            for name in sorted(name for name in graph if name.startswith(folder)):
+                for it in sorted(graph[name]):
+                    if it.startswith((*above, *beside)):
+                        yield f"{name} {verb} {it}, which is not below it"
 
 
 def _layer(name: str) -> tuple[int, str]:
@@ -390,7 +400,12 @@ def complaints(shape: Shape, sw: Path = SW) -> Iterator[str]:
                 (layer, part), (below, its) = _layer(name), _layer(other)
                 if below > layer or (below == layer == 2 and part != its):
                     yield f"{name} {verb} {other}, which is not below it"
-    yield from _upward(shape.includes)
+        yield from _upward(verb, graph)
+    for path in sorted(
+        p for p in sw.rglob("*.[ch]") if not p.relative_to(sw).as_posix().startswith(("hal/", "images/"))
+    ):
+        for found in sorted(set(REGISTER.findall(_without_comments(path.read_text())))):
+            yield f"{path.relative_to(sw).as_posix()} names {found}, of a register"
     for path in sorted(sw.glob("drive/**/*.[ch]")):
         name = path.relative_to(sw).as_posix()
         if not name.startswith("drive/drive.") and re.search(r"\bdrive_t\b", _without_comments(path.read_text())):

@@ -5,8 +5,8 @@
 // registers (hal/) and the drive (drive/), which knows no register.
 #include "app/app.h"
 
-#include "app/console.h"
 #include "app/crash.h"
+#include "console/console.h"
 #include "control/placement.h"
 #include "drive/parameters.h"
 #include "hal/chip.h"

@@ -17,7 +17,7 @@ from fluxlock.cosim.plan import Action
 from fluxlock.cosim.run import BIT_CYCLES, chip_of, parse_statistics, prepare
 
 BYTE_CYCLES = 10 * BIT_CYCLES
-LINE_BYTES = 80  # LINE_LENGTH of sw/app/console.c
+LINE_BYTES = 80  # LINE_LENGTH of sw/console/console.c
 RX_DEPTH = 128  # RxDepth of rtl/soc/fl_uart_wb.sv
 # The longest that a handler of the firmware was ever seen to hold off the UART's: the gain design.
 LONGEST_CYCLES = 38_321

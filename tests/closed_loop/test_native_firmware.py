@@ -148,7 +148,7 @@ def test_stops_in_a_debugger(tmp_path: Path) -> None:
     frames = [
         r"drive_step .* at drive/drive\.c:\d+",
         r"app_control_interrupt .* at app/app\.c:\d+",
-        r"main .* at app/main\.c:\d+",
+        r"main .* at images/main\.c:\d+",
     ]
     assert re.search(".*".join(frames), done.stdout, re.DOTALL)
     assert "= STATE_INIT" in done.stdout and "exited normally" in done.stdout

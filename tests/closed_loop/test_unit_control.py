@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`sw/bench/unit_control.c`: unit tests of the control algorithms in C, on the host and on the soft core."""
+"""`sw/images/bench/unit_control.c`: unit tests of the control algorithms in C, on the host and on the soft core."""
 
 from __future__ import annotations
 
@@ -36,7 +36,9 @@ def test_on_the_host() -> None:
     print("\n".join(report))
     found = re.fullmatch(SUMMARY, report[-1])
     assert found and int(found[2]) == 0
-    listed = re.findall(r"^static void (\w+)\(void\) \{", (SW / "bench" / "unit_control.c").read_text(), re.MULTILINE)
+    listed = re.findall(
+        r"^static void (\w+)\(void\) \{", (SW / "images" / "bench" / "unit_control.c").read_text(), re.MULTILINE
+    )
     assert report[:-1] == [f"ok {name}" for name in listed]
     assert int(found[1]) == len(listed)
 
@@ -57,7 +59,7 @@ def test_a_failed_check_says_where_and_what(number: int, tmp_path: Path) -> None
 
     Verifies: FW-95
     """
-    source = (SW / "bench" / "unit_control.c").read_text()
+    source = (SW / "images" / "bench" / "unit_control.c").read_text()
     value = f"({number + 1} - 1)" if number < 0 else str(number)
     broken = source.replace("CHECK(ramp.value_rpm_q8, 1000 << 8);", f"CHECK({value}, 256000);")
     assert broken != source

@@ -903,7 +903,7 @@ def test_words_are_those_of_the_other_parts() -> None:
     assert get_args(TripCause) == TRIP_CAUSES
     assert get_args(Channel) == CHANNEL_NAMES
     assert get_args(DriveFault) == fault_names()
-    console = (ROOT / "sw" / "app" / "console.c").read_text(encoding="utf-8")
+    console = (ROOT / "sw" / "console" / "console.c").read_text(encoding="utf-8")
     assert set(re.findall(r'text_equal\(name, "(\w+)"\)', console)) == set(COMMANDS)
     assert f"#define LINE_LENGTH {COMMAND_LENGTH + 1}u" in console
 

@@ -5,7 +5,7 @@
 
 A page names the constant that it quotes in a comment behind the number: `8<!--sw/drive/drive.c:LOOK_TICKS-->`. What is
 before the colon: a file, or the name of a module or package of `rtl`. Behind the name there may be arithmetic with
-numbers and further constants of the same file: `<!--sw/boot/main.c:LISTEN_MS / 1000-->`. A row of a table may
+numbers and further constants of the same file: `<!--sw/images/boot/main.c:LISTEN_MS / 1000-->`. A row of a table may
 name the constant as code instead: `fl_sense::Latency`. A text is taken as the value that it prints: "0.3" is right
 for 0.26 to 0.34.
 """

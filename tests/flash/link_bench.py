@@ -161,7 +161,7 @@ def library() -> CData:
 
 
 class Link:
-    """sw/boot/link.c on a chip."""
+    """sw/images/boot/link.c on a chip."""
 
     def __init__(self, chip: Chip) -> None:
         self.chip = chip

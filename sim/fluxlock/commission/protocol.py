@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lines of the commissioning program (sw/commission/main.c) in SI units.
+"""Lines of the commissioning program (sw/images/commission/main.c) in SI units.
 
 Vectors are complex, d + jq in the program's frame, amplitude-invariant. Voltages are those that the duty cycles and the
 measured DC link make, without dead time.

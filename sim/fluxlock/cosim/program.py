@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Run a program of `sw/bench`, or a list of register accesses, on the whole chip in place of the firmware."""
+"""Run a program of `sw/images/bench`, or a list of register accesses, on the whole chip in place of the firmware."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from fluxlock.results.rundata import RunData, SimulationFault
 
 
 def run_program(name: str, table: bytes, scenario: Scenario, out_dir: Path, seed: int) -> RunData:
-    """Run `sw/bench/<name>.c` with its table for the scenario's duration.
+    """Run `sw/images/bench/<name>.c` with its table for the scenario's duration.
 
     Plant and parameter block are the scenario's. Raises SimulationFault if the run broke off.
     """

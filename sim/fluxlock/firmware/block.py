@@ -143,8 +143,8 @@ def write_image(
     """Write the RAM contents for `$readmemh`: firmware plus parameter block, one 32-bit word a line.
 
     `image` is the flat binary of the firmware; it must end below the parameter block. params: None for a program that
-    reads none. table: what a program of `sw/bench` reads from TABLE_ADDRESS on. can_setup: node-ID and kbit/s of the
-    CANopen node.
+    reads none. table: what a program of `sw/images/bench` reads from TABLE_ADDRESS on. can_setup: node-ID and kbit/s of
+    the CANopen node.
     """
     code = image.read_bytes()
     if len(code) > (TABLE_ADDRESS if table else BLOCK_ADDRESS):

@@ -63,18 +63,22 @@ COVERAGE_FLAGS = (
     *("--coverage", "-fprofile-abs-path", "-fno-semantic-interposition"),
 )
 SOC = "hal/soc/"
-TARGET_ONLY = ("app/main.c", SOC)
-HOST_ONLY = ("app/host_main.c", "hal/host/")
-BENCH = "bench/"  # programs of their own, a source each
-COMMISSION = "commission/"  # the program that measures a machine
-BOOT = "boot/"  # the loader, and what it has of the firmware
+IMAGES = "images/"  # what composes the rest
+MAIN = f"{IMAGES}main.c"
+TARGET_ONLY = (MAIN, SOC)
+HOST_ONLY = (f"{IMAGES}host_main.c", "hal/host/")
+BENCH = f"{IMAGES}bench/"  # programs of their own, a source each
+COMMISSION = f"{IMAGES}commission/"  # the program that measures a machine
+BOOT = f"{IMAGES}boot/"  # the loader, and what it has of the firmware
 BOOT_PARTS = ("control/crc32.c", *(f"hal/{name}.c" for name in ("can", "can_setup", "flash", "uart")))
-FUZZ_MAIN = "app/fuzz_main.c"  # in place of main.c: writes to registers at random
+FUZZ_MAIN = f"{IMAGES}fuzz_main.c"  # in place of main.c: writes to registers at random
 PROGRAMS = (BENCH, COMMISSION, BOOT, FUZZ_MAIN)
+APPLICATION = ("app/", "console/")  # not in programs of their own
 HELD = {"six-step": "-DHELD=1", "vector": "-DHELD=2"}  # what the images with the node drive: chip_io.h
-CANOPEN = "canopen/"  # the node: in a host library and an image of its own
-CANOPEN_HOST = "host_node.c"
-CANOPEN_CHIP = "chip_node.c"
+# The node, in a host library and an image of its own: what is of the chip alone, and of the host alone.
+CHIP_NODE = "canopen/chip_node."
+HOST_NODE = f"{IMAGES}host_node."
+CANOPEN = ("canopen/", HOST_NODE)
 
 
 class FirmwareError(RuntimeError):
@@ -88,7 +92,13 @@ def _sources() -> list[Path]:
 
 
 def _selected(excluded: tuple[str, ...], suffixes: tuple[str, ...]) -> list[str]:
+    """Sources in the order of the link, which places code and data and so has a part in every trace and in the size.
+
+    First what serves one image, by the names of its files, then folder by folder.
+    """
     names = [p.relative_to(SW).as_posix() for p in _sources() if p.suffix in suffixes]
+    first = ("app/", "console/", IMAGES)
+    names.sort(key=lambda name: (0, name.rpartition("/")[2]) if name.startswith(first) else (1, name))
     return [name for name in names if not name.startswith(excluded)]
 
 
@@ -138,7 +148,7 @@ def _zig(arguments: list[str]) -> None:
 def host_headers() -> list[Path]:
     """Headers of the host library, the loader and the CANopen node, with what they include from the build folder."""
     generate_registers()
-    _canopen(CANOPEN_HOST)
+    generate_canopen()
     found = [p for p in SW.rglob("*.h") if not p.relative_to(SW).as_posix().startswith((SOC, "hal/include/"))]
     return [*found, *generate_headers(), *(GENERATED / name for name in ("fluxlock_regs.h", "canopen_objects.h"))]
 
@@ -177,7 +187,7 @@ def _variant(phases: int, can_method: str | None) -> tuple[str, list[str], tuple
     name, defined = ("fluxlock", ()) if phases == 3 else (f"fluxlock-{phases}", (f"-DPHASES={phases}",))
     if can_method is None:
         return name, [], defined, ""
-    node, key = _canopen(CANOPEN_HOST)
+    node, key = _canopen(HOST_NODE)
     return f"{name}-can-{can_method}", node, (*defined, "-DFL_CAN=1", HELD[can_method]), key
 
 
@@ -210,8 +220,8 @@ def build_bus_library(phases: int = 3, can_method: str | None = None, sanitize: 
 
 
 def build_program(name: str) -> Path:
-    """Flat binary of `sw/bench/<name>.c` with control, drive and hal: a program of its own in place of the firmware."""
-    sources = _selected((*HOST_ONLY, *PROGRAMS, "app/"), (".c", ".S"))
+    """Flat binary of `sw/images/bench/<name>.c` with control, drive and hal: a program in place of the firmware."""
+    sources = _selected((*HOST_ONLY, *APPLICATION, IMAGES), (".c", ".S"))
     return _build_image(name, [f"{BENCH}{name}.c", *sources], BUILD / "firmware")
 
 
@@ -220,21 +230,22 @@ def build_fuzz(phases: int, method: str) -> Path:
 
     For three phases it holds the one method of driving: with both it does not fit.
     """
-    sources = _selected((*HOST_ONLY, *PROGRAMS, "app/main.c"), (".c", ".S"))
+    sources = _selected((*HOST_ONLY, *PROGRAMS, MAIN), (".c", ".S"))
     _, _, defined, _ = _variant(phases, None)
     held = (HELD[method],) if phases == 3 else ()
     return _build_image(f"fuzz-{phases}-{method}", [FUZZ_MAIN, *sources], BUILD / "firmware", (*defined, *held))
 
 
 def build_program_library(name: str) -> Path:
-    """The host library with `sw/bench/<name>.c`, whose main() is for the core only."""
+    """The host library with `sw/images/bench/<name>.c`, whose main() is for the core only."""
     return _host_library(f"libfluxlock-{name}", [f"{BENCH}{name}.c"], BUILD / "firmware")
 
 
 def build_commission() -> Path:
-    """Flat binary of the program of `sw/commission`, which measures a machine in place of the firmware."""
-    sources = _selected((*HOST_ONLY, BENCH, BOOT, "app/"), (".c", ".S"))
-    return _build_image("commission", ["app/format.c", "app/line.c", *sources], BUILD / "firmware")
+    """Flat binary of the program of `sw/images/commission`, which measures a machine in place of the firmware."""
+    own = [f"{COMMISSION}{p.name}" for p in sorted((SW / COMMISSION).glob("*.c"))]
+    sources = _selected((*HOST_ONLY, *APPLICATION, IMAGES), (".c", ".S"))
+    return _build_image("commission", ["console/format.c", "console/line.c", *own, *sources], BUILD / "firmware")
 
 
 def build_loader(listen_ms: int | None = None) -> Path:
@@ -268,10 +279,10 @@ def build_link_library(registers: Path) -> Path:
 
 def _canopen(without: str) -> tuple[list[str], str]:
     """Sources of the node but one, and the hash of what enters them; writes their table of objects."""
-    files = sorted(p for p in (SW / CANOPEN).iterdir() if p.suffix in {".c", ".h"})
+    files = [p for p in sorted(SW.rglob("*.[ch]")) if p.relative_to(SW).as_posix().startswith(CANOPEN)]
     table = generate_canopen()
-    names = [f"{CANOPEN}{p.name}" for p in files if p.suffix == ".c" and p.name != without]
-    return names, content_hash([*files, table])
+    names = [p.relative_to(SW).as_posix() for p in files if p.suffix == ".c"]
+    return [name for name in names if not name.startswith(without)], content_hash([*files, table])
 
 
 def _build_image(
@@ -343,7 +354,7 @@ def build_host_library(build_dir: Path | None = None, can_method: str | None = N
 
 def build_canopen_library() -> Path:
     """The same with the CANopen node on the drive."""
-    sources, key = _canopen(CANOPEN_CHIP)
+    sources, key = _canopen(CHIP_NODE)
     return _host_library("libfluxlock-canopen", sources, BUILD / "firmware", key)
 
 

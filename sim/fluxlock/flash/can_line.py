@@ -14,7 +14,7 @@ from fluxlock.flash.loader import LoaderError, pack, unpack
 if TYPE_CHECKING:
     import can
 
-# Of sw/boot/link.h; extended, the node-ID is added.
+# Of sw/images/boot/link.h; extended, the node-ID is added.
 ID_TO_LOADER, ID_TO_HOST = 0x1FB00000, 0x1FB00100
 NODE_DEFAULT, NODE_MAX = 0, 127
 KBIT_PER_S_DEFAULT = 500

@@ -3,8 +3,8 @@
 
 """What lies in the flash: header and firmware, parameter block, and the order in which it is written.
 
-The header has the words that `sw/boot/image.h` names. Versions: of the register map that the firmware was compiled for,
-and of the parameter block that it reads.
+The header has the words that `sw/images/boot/image.h` names. Versions: of the register map that the firmware was
+compiled for, and of the parameter block that it reads.
 """
 
 from __future__ import annotations

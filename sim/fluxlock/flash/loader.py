@@ -19,7 +19,7 @@ from fluxlock.flash.image import Plan
 SYNC = 0xA5
 HELLO, ERASE, WRITE, CHECK, START = range(1, 6)
 RESULTS = ("done", "unknown command", "wrong address or length", "the flash did not erase or write", "refused")
-# Of sw/boot/main.c.
+# Of sw/images/boot/main.c.
 REASONS = (
     "good",
     "no flash",

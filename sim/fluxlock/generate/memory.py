@@ -18,7 +18,7 @@ BLOCK_MAX_BYTES = TELEMETRY_OFFSET - CAN_SETUP_BYTES
 CAN_SETUP_ADDRESS = BLOCK_ADDRESS + BLOCK_MAX_BYTES
 TELEMETRY_ADDRESS = BLOCK_ADDRESS + TELEMETRY_OFFSET
 PUBLISHED_ADDRESS = TELEMETRY_ADDRESS + 8  # what the published angle has beyond the frame's, for the simulator's log
-# What is left at the end talks to sw/app/fuzz_main.c.
+# What is left at the end talks to sw/images/fuzz_main.c.
 FUZZ_ADDRESS = RAM_BYTES - 16
 # Why the firmware restarted last (sw/app/crash.h): neither the start code nor the telemetry touches it.
 CRASH_ADDRESS = FUZZ_ADDRESS - 32
@@ -26,7 +26,7 @@ TELEMETRY_MAX_BYTES = CRASH_ADDRESS - TELEMETRY_ADDRESS
 STACK_BYTES = 4096
 STACK_ADDRESS = BLOCK_ADDRESS - STACK_BYTES
 STACK_PAINT = 0x57ACCA57  # what the start code leaves in the whole stack
-# What a program of sw/bench reads.
+# What a program of sw/images/bench reads.
 TABLE_ADDRESS = 0x18000
 TABLE_END = BLOCK_ADDRESS - STACK_BYTES
 # The loader's ROM behind the RAM, in a chip with Boot (rtl/soc/fl_cpu.sv). Its stack is the firmware's.

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The table of what the console reads, `sw/app/values.toml`."""
+"""The table of what the console reads, `sw/console/values.toml`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from functools import cache
 from fluxlock.base.paths import ROOT
 from fluxlock.interface.names import c_strings, words
 
-VALUES_FILE = ROOT / "sw" / "app" / "values.toml"
+VALUES_FILE = ROOT / "sw" / "console" / "values.toml"
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def c_header() -> str:
     """`values_table.h`: numbers and names."""
     names = [value.name for value in load_values()]
     lines = [
-        "// Generated from sw/app/values.toml. Do not edit.",
+        "// Generated from sw/console/values.toml. Do not edit.",
         "#ifndef FL_VALUES_TABLE_H",
         "#define FL_VALUES_TABLE_H",
         "",

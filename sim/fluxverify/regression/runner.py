@@ -86,7 +86,7 @@ class Runner:
         return outcome
 
     def program(self, program: str, table: bytes, scenario: str | Path, name: str, *overrides: str) -> RunData:
-        """Run a program of `sw/bench` with its table on a scenario's chip and plant, or read what it gave before."""
+        """Run a program of `sw/images/bench` with its table on a scenario's chip and plant, or read what it gave."""
         loaded = load_scenario(ROOT / "scenarios" / scenario, overrides)
 
         def run(folder: Path) -> None:

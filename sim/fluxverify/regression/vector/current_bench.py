@@ -3,8 +3,8 @@
 
 """References of the current, one a sample, on the whole chip: imposed rotor, regulators of the hardware, real inverter.
 
-`sw/bench/current_reference.c` plays them in place of the drive and sends what the regulators saw. The carrier's ripple
-repeats with rotor and carrier, so that the difference of two runs with different references is free of it.
+`sw/images/bench/current_reference.c` plays them in place of the drive and sends what the regulators saw. The carrier's
+ripple repeats with rotor and carrier, so that the difference of two runs with different references is free of it.
 """
 
 from __future__ import annotations

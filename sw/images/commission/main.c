@@ -13,14 +13,14 @@
 //   f SPEED STEP           speed of the frame, 2^-44 turn a clock, and its step a tick
 //   r TICKS BLOCK          measure: a line `b ...` a block, in the order of block_t
 // What a line sets acts together when its end has come.
-#include "app/format.h"
-#include "app/line.h"
-#include "commission/segment.h"
+#include "console/format.h"
+#include "console/line.h"
 #include "drive/parameters.h"
 #include "hal/chip.h"
 #include "hal/cpu.h"
 #include "hal/soc/trap.h"
 #include "hal/uart.h"
+#include "images/commission/segment.h"
 
 #define UART_BIT_CYCLES 50u
 #define LINE_LENGTH 160u

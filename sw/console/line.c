@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0
 
-#include "app/line.h"
+#include "console/line.h"
 
 #include "control/placement.h"
 #include "hal/uart.h"

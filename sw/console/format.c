@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0
 
-#include "app/format.h"
+#include "console/format.h"
 
 #include "control/fixed.h"
 #include "control/placement.h"

@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0
 
-#include "boot/image.h"
+#include "images/boot/image.h"
 
+#include "control/crc32.h"
 #include "control/placement.h"
 #include "hal/flash.h"
-#include "control/crc32.h"
 #include "hal/reg.h"
 #include "params.h"
 #include "ram.h"

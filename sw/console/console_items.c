@@ -1,14 +1,14 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0
 
-#include "app/console_items.h"
+#include "console/console_items.h"
 
 #include "app/crash.h"
-#include "app/format.h"
+#include "console/format.h"
 #include "control/fixed.h"
+#include "control/placement.h"
 #include "hal/chip.h"
 #include "hal/cpu.h"
-#include "control/placement.h"
 #include "values_table.h"
 
 SMALL_CODE_BEGIN

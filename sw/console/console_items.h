@@ -6,7 +6,7 @@
 #define FL_CONSOLE_ITEMS_H
 
 #include "app/app.h"
-#include "app/line.h"
+#include "console/line.h"
 
 // Print `name value` as a reply of the line; false: no such name.
 bool items_print(const app_t *app, line_t *line, const char *name);

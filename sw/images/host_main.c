@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0
 
-#include "app/host_main.h"
+#include "images/host_main.h"
 
-#include "app/console.h"
+#include "console/console.h"
 #include "hal/chip.h"
 #include "hal/host/host_chip.h"
 

@@ -6,7 +6,7 @@
 //
 // A section is a group of algorithms; each draws its inputs from a generator of its own (xorshift, period 2^32 - 1) and
 // puts every result into an FNV-1a hash of 32 bits. On the core the digests are sent as lines of eight hexadecimal digits.
-#include "bench/control_digest.h"
+#include "images/bench/control_digest.h"
 
 #include "control/advance.h"
 #include "control/boundary.h"

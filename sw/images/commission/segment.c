@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0
 
-#include "commission/segment.h"
+#include "images/commission/segment.h"
 
 #include "control/fixed.h"
 

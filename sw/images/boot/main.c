@@ -5,8 +5,8 @@
 // waits for a host.
 #include "control/placement.h"
 #include "hal/flash.h"
-#include "boot/image.h"
-#include "boot/link.h"
+#include "images/boot/image.h"
+#include "images/boot/link.h"
 #include "ram.h"
 
 SMALL_CODE_BEGIN

@@ -3,13 +3,13 @@
 
 // Unit tests of sw/control: PI regulator, ramp, phase-locked loop, EMF observer. A program of its own for the soft core,
 // a library for the host. Both write the same report: a line per failed check, a line per test, and their number.
-#include "bench/unit.h"
+#include "images/bench/unit.h"
 
-#include "bench/unit_control.h"
 #include "control/emf_observer.h"
 #include "control/pi.h"
 #include "control/pll.h"
 #include "control/ramp.h"
+#include "images/bench/unit_control.h"
 
 #define ONE ((gain_t){1 << 30, 30})
 #define ERROR 4096

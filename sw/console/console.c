@@ -1,14 +1,14 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0
 
-#include "app/console.h"
+#include "console/console.h"
 
-#include "app/console_items.h"
-#include "app/format.h"
+#include "console/console_items.h"
+#include "console/format.h"
+#include "control/placement.h"
 #include "hal/chip.h"
 #include "hal/cpu.h"
 #include "hal/uart.h"
-#include "control/placement.h"
 
 SMALL_CODE_BEGIN
 

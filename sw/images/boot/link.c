@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0
 
-#include "boot/link.h"
+#include "images/boot/link.h"
 
 #include "control/crc32.h"
 #include "control/placement.h"

@@ -1,16 +1,16 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0
 
-#include "canopen/host_node.h"
+#include "images/host_node.h"
 
 #include <string.h>
 
-#include "app/host_main.h"
 #include "canopen/canopen.h"
 #include "canopen/drive_link.h"
 #include "canopen/flash_store.h"
 #include "canopen/objects.h"
 #include "hal/host/host_flash.h"
+#include "images/host_main.h"
 #include "ram.h"
 
 static canopen_t node;
