@@ -10,7 +10,7 @@ through `void *` is not seen. Rules that
 - one file writes a field of a record; a section of the command is cleared by the hardware layer besides;
 - a file of the drive calls and includes its own layer and those below it only; nowhere is there a circle;
 - folders include and call what is in `FOLDERS` below them, console and node not each other, `control/` itself alone;
-- `hal/` and `images/` alone name a register;
+- `hal/` and `images/` alone name a register; in `hal/` one source names those of a peripheral, but for the clock's;
 - below drive.c nothing names drive_t;
 - `enter` alone assigns the state; `follow`, and the boot, alone call it and the fault log.
 """
@@ -342,8 +342,9 @@ FOLDERS: Final = (
     ("images/",),
 )  # from the bottom up
 APART: Final = {"console/", "canopen/"}
+CLOCK: Final = "sys"  # the peripheral of the clock that all may read
 REGISTER: Final = re.compile(r"\b(?:reg_read|reg_write|REG|FL_\w+_REGS__\w+)\b|hal/reg\.h|fluxlock_regs\.h")
-HARDWARE: Final = "hal/chip.c"
+HARDWARE: Final = "hal/"
 CLEARED: Final = (
     "fresh",
     "clear",
@@ -378,7 +379,7 @@ def _owners(record: str, fld: str, files: frozenset[str]) -> frozenset[str]:
     """The files that count as writers of a field."""
     owners = {file for file in files if file.startswith(DRIVE)}
     if fld in CLEARED and record.endswith("_command_t"):
-        files = files - {HARDWARE}
+        files = frozenset(file for file in files if not file.startswith(HARDWARE))
     if not owners:
         return frozenset()
     if record in EITHER:
@@ -406,6 +407,13 @@ def complaints(shape: Shape, sw: Path = SW) -> Iterator[str]:
     ):
         for found in sorted(set(REGISTER.findall(_without_comments(path.read_text())))):
             yield f"{path.relative_to(sw).as_posix()} names {found}, of a register"
+    drivers = defaultdict(set)
+    for path in sw.glob("hal/*.[ch]"):
+        for peripheral in re.findall(r"\bREG\((\w+)\.", _without_comments(path.read_text())):
+            drivers[peripheral].add(path.relative_to(sw).as_posix())
+    for peripheral, files in sorted(drivers.items()):
+        if len(files) > 1 and peripheral != CLOCK:
+            yield f"registers of {peripheral} are named by {' and '.join(sorted(files))}"
     for path in sorted(sw.glob("drive/**/*.[ch]")):
         name = path.relative_to(sw).as_posix()
         if not name.startswith("drive/drive.") and re.search(r"\bdrive_t\b", _without_comments(path.read_text())):

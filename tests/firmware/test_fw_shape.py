@@ -99,6 +99,12 @@ PLANTED = {
         '#include "drive/faults.h"\n',
         "hal/capture.c includes drive/faults.h, which is not below it",
     ),
+    "register-of-another-driver": (
+        "../hal/hall.c",
+        "HOT void chip_read_hall(",
+        "void spoil_driver(void) { reg_write(REG(pwm.duty), 0); }\n",
+        "registers of pwm are named by hal/hall.c and hal/pwm.c",
+    ),
     "register-in-the-drive": (
         "coast.h",
         "void coast_begin(",
