@@ -407,13 +407,13 @@ def complaints(shape: Shape, sw: Path = SW) -> Iterator[str]:
     ):
         for found in sorted(set(REGISTER.findall(_without_comments(path.read_text())))):
             yield f"{path.relative_to(sw).as_posix()} names {found}, of a register"
-    drivers = defaultdict(set)
+    drivers: defaultdict[str, set[str]] = defaultdict(set)
     for path in sw.glob("hal/*.[ch]"):
         for peripheral in re.findall(r"\bREG\((\w+)\.", _without_comments(path.read_text())):
             drivers[peripheral].add(path.relative_to(sw).as_posix())
-    for peripheral, files in sorted(drivers.items()):
-        if len(files) > 1 and peripheral != CLOCK:
-            yield f"registers of {peripheral} are named by {' and '.join(sorted(files))}"
+    for peripheral, sources in sorted(drivers.items()):
+        if len(sources) > 1 and peripheral != CLOCK:
+            yield f"registers of {peripheral} are named by {' and '.join(sorted(sources))}"
     for path in sorted(sw.glob("drive/**/*.[ch]")):
         name = path.relative_to(sw).as_posix()
         if not name.startswith("drive/drive.") and re.search(r"\bdrive_t\b", _without_comments(path.read_text())):

@@ -39,7 +39,7 @@
 // Share of the speed that the ramp may have gone since the measured one.
 #define FLUX_REST 64
 #define DEAD_STEEP_MAX 64
-// Integral of a firm drive near the boundary's current.
+// Integral of a firm drive where the load is near the boundary's current.
 #define BOUNDARY_SLOWER 3
 // Share of the current limit by which a bound may be wrong.
 #define ROOM 8
@@ -187,11 +187,11 @@ static int32_t stiffness_q16(const scheduled_t *g, const six_step_view_t *view, 
   return pwm->discontinuous ? mul_q16(delayed_q16, mul_q16(pwm->share_q16, p->discontinuous_q16)) : delayed_q16;
 }
 
-// Near the boundary's current dead times take more with each ampere: as a resistance many times the line's, with which the
-// EMF holds the rotor that much later.
-static bool at_boundary(const regulate_t *r, const measured_t *m) {
+// Of a load near the boundary's current dead times take more with each ampere: as a resistance many times the line's,
+// with which the EMF holds the rotor that much later.
+static bool at_boundary(const regulate_t *r) {
   const int32_t boundary_i_q25 = r->scheduled.boundary.current_i_q25;
-  return abs_sat(abs_sat(m->line_i_q25) - boundary_i_q25) < boundary_i_q25 / 2;
+  return abs_sat(abs_sat(r->speed_pi.integral_q5 >> PI_INTEGRAL_BITS) - boundary_i_q25) < boundary_i_q25 / 2;
 }
 
 // Gains of the speed regulator. The speed is a mean over an electrical turn: where that is long against the bandwidth the
@@ -215,7 +215,7 @@ static void schedule_speed(regulate_t *r, const six_step_view_t *view, const pwm
   const int32_t held = firm ? mul_q16(p->speed_kp_stiffness >> room, line_q16) : mul_q16(p->speed_kp_stiffness, line_q16) / 2;
   g->speed.kp = (gain_t){moved + held, p->speed_kp_shift - room};
   const int32_t whole = firm ? greater(moved, 4 * held) : moved + held;
-  const int32_t slow = (firm && at_boundary(r, view->m)) ? whole / BOUNDARY_SLOWER : whole;
+  const int32_t slow = (firm && at_boundary(r)) ? whole / BOUNDARY_SLOWER : whole;
   g->speed.ki = (gain_t){mul_q16(mul_q16(slow, p->speed_wt_q16), g->scale_q16), p->speed_kp_shift - room};
   // Noise of the speed at the lower bound must not become a torque.
   g->noise_i_q25 = gain_apply(view->m->speed_rpm_q8 / SPEED_NOISE, g->speed.kp);
