@@ -175,6 +175,11 @@ uint32_t link_read(const app_t *app, uint32_t number) {
   }
 }
 
+const uint8_t *link_wiring(const app_t *app) {
+  const wiring_t *seen = (app->drive.p == 0) ? 0 : app->drive.report->wiring;
+  return (seen != 0 && seen->known) ? (const uint8_t *)seen : 0;
+}
+
 bool link_write(app_t *app, uint32_t number, uint32_t value) {
   if (app->drive.p == 0) {
     return false;

@@ -56,5 +56,7 @@ void link_request(app_t *app, request_t request);
 // Objects that are marked live in the dictionary, by number; false: refused.
 uint32_t link_read(const app_t *app, uint32_t number);
 bool link_write(app_t *app, uint32_t number, uint32_t value);
+// Tables of the wiring's test, as wiring_t begins; 0: it has not ended.
+const uint8_t *link_wiring(const app_t *app);
 
 #endif

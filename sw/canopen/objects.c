@@ -134,6 +134,9 @@ uint32_t objects_length(const canopen_t *node, uint32_t number) {
   if (number == OD_CAPTURE_RECORDS) {
     return capture_bytes();
   }
+  if (number == OD_WIRING_TABLES) {
+    return link_wiring(node->app) != 0 ? WIRING_TABLE_BYTES : 0u;
+  }
   if (number == OD_DEVICE_LABEL) {
     return node->label_length;
   }
@@ -150,7 +153,9 @@ void objects_bytes(const canopen_t *node, uint32_t number, uint32_t offset, uint
     capture_read(offset, data, count);
     return;
   }
-  const uint8_t *from = (number == OD_DEVICE_LABEL) ? node->label : (const uint8_t *)od_string(number);
+  const uint8_t *from = (number == OD_DEVICE_LABEL)    ? node->label
+                        : (number == OD_WIRING_TABLES) ? link_wiring(node->app)
+                                                       : (const uint8_t *)od_string(number);
   for (uint32_t i = 0; i < count; i++) {
     data[i] = from[offset + i];
   }

@@ -20,6 +20,8 @@
 #include "hal/chip_io.h"
 
 #define WIRING_LEGS 3u
+// Of both tables, with which wiring_t begins.
+#define WIRING_TABLE_BYTES (2u * WIRING_LEGS * WIRING_LEGS * 4u)
 // Levels of the voltage, each one and a half times the one before: the first is meant to do.
 #define WIRING_LEVELS 5u
 #define WIRING_CURRENT_TICKS 3

@@ -19,8 +19,9 @@ from typer.testing import CliRunner
 
 from fluxlock.cli import app
 from fluxlock.config import ConfigError, load_scenario
-from fluxlock.live import board, messages
-from fluxlock.live.board import Board, BoardPlan, SilentError, core_load
+from fluxlock.flash import board_console
+from fluxlock.live import messages
+from fluxlock.live.board import Board, BoardPlan, core_load
 from fluxlock.live.source import RefusedError
 from fluxlock.live.traces import NAMES
 from fluxlock.native.player import player
@@ -115,9 +116,9 @@ def test_a_silent_board_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
 
     Verifies: LIVE-11
     """
-    monkeypatch.setattr(board, "REPLY_S", 0.1)
+    monkeypatch.setattr(board_console, "REPLY_S", 0.1)
     host, end = pty.openpty()
-    with pytest.raises(SilentError, match="is the drive on"):
+    with pytest.raises(board_console.SilentError, match="is the drive on"):
         Board(BoardPlan(Path(os.ttyname(end)), load_scenario(SPINDLE)))
     os.close(end)
     os.close(host)

@@ -9,6 +9,7 @@ import json
 import math
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import combinations, permutations
 from typing import Any
 
@@ -23,7 +24,10 @@ from fluxlock.native.vector_chip import VectorChip
 from fluxlock.native.vector_run import vector_chip_of
 from fluxlock.population.draw import Draw
 from fluxlock.population.life import life_of, refusals
-from fluxlock.wiring.measure import Measured, judge, lead
+from fluxlock.wiring.command import verdict_of
+from fluxlock.wiring.measure import Measured, first_answers, judge, lead, on_twin
+from fluxlock.wiring.naming import stopped
+from fluxlock.wiring.reach import ByConsole, Told, WiringError
 
 FILE = ROOT / "scenarios" / "vector" / "start.toml"
 # Limits: share of the rated current, time with the coast before it, angle.
@@ -41,7 +45,8 @@ def carry_out(scenario: Scenario, change: Callable[[VectorChip], None] | None = 
     if change is not None:
         change(chip)
     chip.keep_rows(round(1.0 / period_s))
-    measured = judge(lead(chip.fw.command, lambda s: chip.advance(round(s / period_s))), scenario)
+    told, peak_a = lead(ByConsole(chip.fw.command), lambda s: chip.advance(round(s / period_s)))
+    measured = judge(told, scenario, peak_a)
     rows = chip.rows()
     starting = rows["state"] == 2
     assert starting.sum() * period_s <= LONGEST_S
@@ -189,9 +194,12 @@ def test_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[
     ("arguments", "says"),
     [
         (["scenarios/none.toml"], "none.toml"),
-        (["scenarios/demo.toml"], 'drive.method: the test needs method = "vector"'),
+        (["scenarios/demo.toml"], 'drive.method: the test needs method = "vector" with the same motor'),
         (["scenarios/vector/start.toml", "--port", "/dev/none"], "--port: /dev/none: cannot be opened"),
         (["scenarios/vector/start.toml", "--chip", "--port", "/dev/none"], "exclude each other"),
+        (["scenarios/vector/start.toml", "--can", "virtual:x", "--port", "/dev/none"], "exclude each other"),
+        (["scenarios/vector/start.toml", "--can", "virtual:x"], "can: with node-ID and bit rate"),
+        (["scenarios/vector/start.toml", "--can", "can0", "--set", "can={node_id=5}"], "must be INTERFACE:CHANNEL"),
     ],
 )
 def test_bad_input(
@@ -238,3 +246,130 @@ def test_other_twins_have_no_wrong_wiring(file: str) -> None:
     scenario = load_scenario(ROOT / "scenarios" / file, ["inverter.sensing.current_order=ACB"])
     with pytest.raises(ConfigError, match=r"sensing: the native program's sensors are wired right"):
         check_playable(scenario)
+
+
+@pytest.mark.parametrize("order", ORDERS[1:])
+def test_legs_in_a_wrong_order(order: str) -> None:
+    """Sensors and dividers that agree with each other: it is the gates that are named.
+
+    Verifies: WIRE-02
+    """
+    measured, _ = carry_out(wired(current_order=order, voltage_order=order))
+    assert [finding.kind for finding in measured.findings] == ["leg_wiring"]
+    assert (
+        "swap the gate signals" in measured.findings[0].remedy or "put the gate signals" in measured.findings[0].remedy
+    )
+    assert (measured.wiring.current_order, measured.wiring.voltage_order) == (order, order)
+
+
+def broken(fault: str) -> Scenario:
+    """The file's scenario with a fault before the test."""
+    return load_scenario(FILE, [f"event=[{{at_s=0.001, fault={fault}}}]", "window=[]", "expect=[]"])
+
+
+def test_faults_of_the_scenario_happen() -> None:
+    """An open lead is told from a leg that does not switch, a driver's fault is named; what a twin has not is refused.
+
+    Verifies: WIRE-03
+    """
+    measured = on_twin(broken('{kind="open_phase", phases=["B"]}'), 3)
+    assert [(f.kind, f.inputs) for f in measured.findings] == [("leg", "B")]
+    assert "the leg switches: check the motor's lead B" in measured.findings[0].remedy
+    with pytest.raises(WiringError, match=r"fault fault_pin: .* a leg is shorted to a rail"):
+        on_twin(broken('{kind="fault_pin"}'), 3)
+    with pytest.raises(ConfigError, match="the native program has no stuck_low"):
+        on_twin(broken('{kind="stuck_low", phases=["A"]}'), 3)
+
+
+@pytest.mark.parametrize("rpm", [3000, -3000])
+def test_a_turning_rotor_is_named(rpm: float) -> None:
+    """Too slow to be waited for: its current is named.
+
+    Verifies: WIRE-07
+    """
+    scenario = load_scenario(FILE, [f"initial.speed_rpm={rpm}"])
+    measured = on_twin(scenario, 3)
+    assert [finding.kind for finding in measured.findings] == ["turning"]
+    assert not measured.passed
+
+
+@pytest.mark.parametrize("order", ["ABC", "BCA"])
+def test_a_rotor_that_coasts_is_not_caught(order: str) -> None:
+    """The drive waits without current, and is left ready.
+
+    Verifies: WIRE-07
+    """
+    scenario = load_scenario(FILE, ["initial.speed_rpm=20000"]).model_copy(update=PLAIN)
+    scenario = scenario.model_copy(update={"inverter": wired(current_order=order).inverter})
+    chip = vector_chip_of(scenario, seed=3)
+    period_s = chip.timing.period_s
+    chip.advance(round(5e-3 / period_s))
+    chip.keep_rows(round(1.0 / period_s))
+    with pytest.raises(WiringError, match="the rotor turns"):
+        lead(ByConsole(chip.fw.command), lambda s: chip.advance(round(s / period_s)))
+    assert np.abs(chip.rows()["i"]).max() < 0.01 * scenario.rated_current_a
+    chip.advance(round(5e-3 / period_s))
+    assert chip.fw.state == "ready"
+    assert [chip.fw.command(f"get {name}")[0] for name in ("catch", "check_wiring")] == ["catch 1", "check_wiring off"]
+
+
+@pytest.mark.parametrize("key", ["noise_lsb=50", "current_full_scale_a=2000"])
+def test_noise_is_no_wiring(key: str) -> None:
+    """Where the pulses drown in the sensors' noise nothing else is said of them.
+
+    Verifies: WIRE-07
+    """
+    for order in ("ABC", "BCA"):
+        scenario = load_scenario(
+            FILE, [f"inverter.sensing.{key}", f"inverter.sensing.current_order={order}"]
+        ).model_copy(update=PLAIN)
+        for seed in range(5):
+            measured = on_twin(scenario, seed)
+            assert [finding.kind for finding in measured.findings] == ["noise"], (order, seed)
+            assert measured.wiring.current_order is None
+
+
+def test_dividers_that_were_not_seen_have_no_order() -> None:
+    """A machine that bears only pulses too short for the samples: the verdict says so, the order is null.
+
+    Verifies: WIRE-03
+    """
+    life = life_of(Draw.of(1, 62), "vector")
+    measured = on_twin(life.scenario.model_copy(update=PLAIN | {"initial": wired().initial}), 3)
+    assert measured.passed and not measured.voltage_v.any()
+    assert measured.wiring.voltage_order is None
+    assert "the dividers were not seen" in verdict_of(measured).lines[0]
+
+
+def test_each_stop_is_explained() -> None:
+    """A fault before the tables: its name and what to do; tables of an earlier test are not judged.
+
+    Verifies: WIRE-03
+    """
+    told = lead_of(wired())
+    for fault, says in (
+        ("phase_over_current", "shorted to each other"),
+        ("fault_pin", "a switch conducts for ever"),
+        ("rotor_spinning", "which must stop first"),
+        ("under_voltage", "before the test had ended"),
+    ):
+        assert says in stopped(fault)
+        with pytest.raises(WiringError, match=fault):
+            judge(replace(told, fault=fault), wired())
+
+
+def lead_of(scenario: Scenario) -> Told:
+    """What a drive tells."""
+    chip = vector_chip_of(scenario, seed=3)
+    period_s = chip.timing.period_s
+    chip.advance(round(5e-3 / period_s))
+    return lead(ByConsole(chip.fw.command), lambda s: chip.advance(round(s / period_s)))[0]
+
+
+def test_log_of_faults_is_no_answer() -> None:
+    """The chip's run ends with the log of faults: `fault wiring tick 74` is no value.
+
+    Verifies: WIRE-03
+    """
+    lines = ["state fault", "fault wiring", "ok", "state fault", "fault wiring tick 74", "ok"]
+    assert first_answers(lines) == {"state": "fault", "fault": "wiring"}

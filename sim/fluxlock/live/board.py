@@ -11,13 +11,14 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from fluxlock.config import Scenario
 from fluxlock.config.console import line_problem
 from fluxlock.firmware.binding import names
+from fluxlock.flash.board_console import Console, Port, SilentError
 from fluxlock.flash.serial_port import SerialPort
 from fluxlock.interface.settings import load_settings
 from fluxlock.live import messages
@@ -26,7 +27,6 @@ from fluxlock.live.played import shown_setting
 from fluxlock.live.source import RefusedError
 from fluxlock.live.traces import NAMES, Floats, Marks
 
-REPLY_S = 1.0  # after which a board is taken for gone
 TRIES = 3
 BY_HAND = "a board is broken by hand: this page has no hold of its wires"
 # Trace: value of the console and its factor.
@@ -41,41 +41,6 @@ TOLD = {
     "iq": ("iq_ma", 1e-3),
 }
 STATES, LIMITS = names("drive_state_t"), names("limit_t")
-
-
-class SilentError(RuntimeError):
-    """The board does not answer."""
-
-
-class Port(Protocol):
-    """Of `fluxlock.flash.serial_port.SerialPort`."""
-
-    def write(self, data: bytes) -> None:
-        """Send all of it."""
-
-    def read(self, count: int, timeout_s: float) -> bytes:
-        """Bytes that came, less than `count` of them if the time is over."""
-
-
-class Console:
-    """Lines to the console of a drive, and its replies."""
-
-    def __init__(self, port: Port) -> None:
-        self._port = port
-        self._port.write(b"\n")  # ends what it may have got; has no answer
-        self._port.read(4096, 0.02)
-
-    def ask(self, line: str) -> list[str]:
-        """The reply's lines, the last one `ok` or `error: TEXT`; SilentError."""
-        self._port.write(f"{line}\n".encode("ascii"))
-        text, end = "", time.monotonic() + REPLY_S
-        while time.monotonic() < end:
-            text += (self._port.read(1, 0.05) + self._port.read(4096, 0.0)).decode("ascii", errors="replace")
-            whole, _, _ = text.rpartition("\n")
-            lines = whole.splitlines()
-            if lines and (lines[-1].strip() == "ok" or lines[-1].startswith("error: ")):
-                return [found.strip() for found in lines if found.strip()]
-        raise SilentError(f"no answer to {line!r} within {REPLY_S:g} s: is the drive on, is its firmware running?")
 
 
 @dataclass(frozen=True)

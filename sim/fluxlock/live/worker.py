@@ -19,9 +19,10 @@ import numpy as np
 
 from fluxlock.config import ConfigError, Scenario
 from fluxlock.firmware.binding import names
+from fluxlock.flash.board_console import SilentError
 from fluxlock.flash.serial_port import PortError
 from fluxlock.live import messages
-from fluxlock.live.board import Board, BoardPlan, SilentError
+from fluxlock.live.board import Board, BoardPlan
 from fluxlock.live.chip import BrokenError, Chip, ChipPlan
 from fluxlock.live.replay import Replay
 from fluxlock.live.source import KEPT_S, SLICE_S, RefusedError, Source

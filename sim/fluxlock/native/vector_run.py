@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
@@ -45,14 +46,18 @@ def refusals(scenario: Scenario) -> list[Problem]:
     return problems_of(scenario, found)
 
 
-def vector_chip_of(scenario: Scenario, seed: int) -> VectorChip:
-    """Drive and machine of a vector scenario at time 0; ConfigError for what the twin is not."""
+def vector_chip_of(scenario: Scenario, seed: int, library: Path | None = None) -> VectorChip:
+    """Drive and machine of a vector scenario at time 0; ConfigError for what the twin is not.
+
+    library: of the firmware, default the host library.
+    """
     problems = refusals(scenario)
     if problems:
         raise ConfigError(problems)
     timing = vector_timing(scenario.drive, scenario.inverter)
     sampling = Sampling(timing.sample_cycles, timing.tick_samples, min(max(timing.delay, 0.0), 1.0))
-    chip = VectorChip(parameter_block(without_noise(scenario)), scenario.motor, scenario.inverter, sampling, seed=seed)
+    block = parameter_block(without_noise(scenario))
+    chip = VectorChip(block, scenario.motor, scenario.inverter, sampling, library, seed)
     chip.state.theta = math.radians(scenario.initial.theta_deg)
     chip.state.omega = scenario.initial.speed_rpm / RPM_PER_RAD_S * scenario.motor.pole_pairs
     chip.plant.dead_time = 1

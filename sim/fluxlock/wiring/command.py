@@ -14,6 +14,8 @@ from rich.console import Console
 from rich.table import Table as RichTable
 
 from fluxlock.base.paths import RESULTS
+from fluxlock.can.can_bus import OPTION as CAN_OPTION
+from fluxlock.can.can_bus import open_bus
 from fluxlock.command_line import EXIT_FAILED
 from fluxlock.config import ConfigError, Problem, Scenario
 from fluxlock.help import complete_toml
@@ -23,10 +25,17 @@ if TYPE_CHECKING:
     from fluxlock.wiring.measure import Measured
 
 
-def _measure(scenario: Scenario, seed: int, port: Path | None, chip: bool, name: str) -> Measured:
+def _measure(scenario: Scenario, seed: int, port: Path | None, can: str | None, chip: bool, name: str) -> Measured:
     from fluxlock.flash.serial_port import PortError, SerialPort
-    from fluxlock.wiring.measure import on_board, on_chip, on_twin
+    from fluxlock.wiring.measure import on_board, on_bus, on_chip, on_twin
 
+    if can is not None:
+        bus = scenario.can
+        if bus is None:
+            text = "with node-ID and bit rate of the board's bus is missing: --set 'can={node_id=5}'"
+            raise ConfigError([scenario.sources.problem("can", text)])
+        with open_bus(can, bus.bit_rate_kbit_per_s) as opened:
+            return on_bus(scenario, opened, bus.node_id)
     if port is None:
         return on_chip(scenario, seed, RESULTS / f"{name}-wiring") if chip else on_twin(scenario, seed)
     try:
@@ -48,6 +57,8 @@ def _document(measured: Measured) -> dict[str, Any]:
         "current_inverted": list(wiring.current_inverted),
         "voltage_order": wiring.voltage_order,
         "current_a": measured.current_a.round(6).tolist(),
+        "current_peak_a": round(measured.peak_a, 6),
+        "current_noise_a": round(measured.noise_a, 6),
         "voltage_v": measured.voltage_v.round(6).tolist(),
     }
 
@@ -82,6 +93,14 @@ def check_wiring(
     port: Annotated[
         Path | None, typer.Option(help="Serial port of a board that runs this scenario, for example /dev/ttyUSB0.")
     ] = None,
+    can: Annotated[
+        str | None,
+        typer.Option(
+            CAN_OPTION,
+            metavar="INTERFACE:CHANNEL",
+            help="In place of it the bus of that board: socketcan:can0. The scenario needs the table \\[can].",
+        ),
+    ] = None,
     chip: Annotated[bool, typer.Option("--chip", help="Simulate the chip, in place of its averaged twin.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print tables and findings as JSON.")] = False,
     set_: Annotated[
@@ -91,23 +110,29 @@ def check_wiring(
 ) -> None:
     """Test legs, current sensors and voltage dividers by small pulses, before the first turn, and name what is wrong.
 
-    In a simulation, or by `--port` on a board: the rotor stays where it is, the current below a tenth of the rated
-    one. Exit code 1 if something is wrong: each line says what, and what to do.
+    In a simulation, or on a board by `--port` or `--can`: the rotor stays where it is, the current below a tenth of the
+    rated one. Of the scenario's events its faults alone happen, in a simulation. Exit code 1 if something is wrong:
+    each line says what, and what to do.
     """
     from fluxlock.cosim.cautions import checked
-    from fluxlock.wiring.measure import WiringError
+    from fluxlock.results.rundata import SimulationFault
+    from fluxlock.wiring.reach import WiringError
 
     loaded = checked(scenario, set_ or (), True)
     if loaded.drive.method != "vector":
-        raise ConfigError([loaded.sources.problem("drive.method", 'the test needs method = "vector"')])
+        text = 'the test needs method = "vector" with the same motor and inverter; flash six-step after it'
+        raise ConfigError([loaded.sources.problem("drive.method", text)])
     if loaded.motor.phases != 3:
         raise ConfigError([loaded.sources.problem("motor.phases", "the test is of three phases")])
-    if chip and port is not None:
-        raise ConfigError([Problem("--chip", "", "and --port exclude each other: leave one out")])
+    chosen = [
+        name for name, on in (("--chip", chip), ("--port", port is not None), (CAN_OPTION, can is not None)) if on
+    ]
+    if len(chosen) > 1:
+        raise ConfigError([Problem(chosen[0], "", f"and {chosen[1]} exclude each other: leave one out")])
     try:
-        measured = _measure(loaded, loaded.seed, port, chip, scenario.stem)
-    except WiringError as error:
-        say(Verdict(False, [str(error)]))
+        measured = _measure(loaded, loaded.seed, port, can, chip, scenario.stem)
+    except (WiringError, SimulationFault) as error:
+        say(Verdict(False, [f"simulation: {error}" if isinstance(error, SimulationFault) else str(error)]))
         raise typer.Exit(EXIT_FAILED) from None
     verdict = verdict_of(measured)
     if as_json:

@@ -1,38 +1,45 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs the firmware's test of the wiring: on the twin, on the simulated chip, on a board at its serial port."""
+"""Runs the firmware's test of the wiring: on the twin, on the simulated chip, on a board at serial port or CAN bus.
+
+Of a scenario's events its faults alone happen: the test is before the first turn.
+"""
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from fluxlock.config import Scenario
 from fluxlock.config.scenario import Event
-from fluxlock.flash.serial_port import SerialPort
-from fluxlock.wiring.naming import Finding, Table, Wiring, name_wiring, no_dividers
+from fluxlock.flash.board_console import Console, Port, SilentError
+from fluxlock.wiring.naming import CURRENT_SHARE, WAITS, Evidence, Finding, Table, Wiring, name_wiring, stopped
+from fluxlock.wiring.reach import SETTINGS, VALUES, ByConsole, Reach, Told, WiringError, pairs, sdo_of, told_by
 
-# The drive is ready; the longest test, with the coast before it; how long a board may take; the console's answer.
-BOOT_S, TEST_S, PATIENCE_S, ANSWER_S = 5e-3, 0.2, 0.6, 0.5
+if TYPE_CHECKING:
+    import can
+
+# The drive is ready; the longest test, with the coast before it; how long a board may take.
+BOOT_S, TEST_S, PATIENCE_S = 5e-3, 0.2, 0.6
 POLL_S = 5e-3
 LEAST_SHARE = 0.005  # of the rated current
-# A start wants a target, also one that ends before the rotor turns.
-SETTINGS = ("set check_wiring only", "set speed_rpm 1")
-VALUES = ("state", "fault", "wiring_ma", "wiring_mv", "vdc_v")
-
-
-class WiringError(RuntimeError):
-    """The test gave no tables; the message says what the drive did instead."""
+KEPT_S = 1.0  # of what the twin records
+# A number of a table is a difference of means of four samples, halved: its noise over that of a sample.
+NOISE_SHARE = math.sqrt(8) / 8
+QUANTUM_LSB = 1 / math.sqrt(12)  # rms of a converter's rounding
 
 
 @dataclass(frozen=True)
 class Measured:
-    """Tables of leg and input (A, V), link (V), the drive's fault, findings and wiring. passed: by the drive itself."""
+    """Tables of leg and input (A, V), link (V), the drive's fault, findings and wiring. passed: by the drive itself.
+
+    peak_a: largest current that was seen, noise_a: of the current table's numbers, rms, by the inverter file.
+    """
 
     current_a: Table
     voltage_v: Table
@@ -40,6 +47,8 @@ class Measured:
     fault: str
     findings: list[Finding]
     wiring: Wiring
+    peak_a: float
+    noise_a: float
 
     @property
     def passed(self) -> bool:
@@ -47,90 +56,109 @@ class Measured:
         return not self.findings and self.fault == "none"
 
 
-def _table(text: str) -> Table:
-    return np.array([1e-3 * float(word) for word in text.split()]).reshape(3, 3)
+def noise_a(scenario: Scenario) -> float:
+    """Noise of a number of the current table, rms, as the inverter file has it."""
+    sensing = scenario.inverter.sensing
+    lsb_a = sensing.current_full_scale_a / 2.0 ** (sensing.bits - 1)
+    return NOISE_SHARE * math.hypot(sensing.noise_lsb, QUANTUM_LSB) * lsb_a
 
 
-def judge(values: dict[str, str], scenario: Scenario) -> Measured:
-    """From the console's values. Raises WiringError."""
-    fault = values["fault"]
-    if "none" in (values["wiring_ma"], values["wiring_mv"]):
-        reason = f"the drive stopped with the fault {fault}" if fault != "none" else f"the drive is {values['state']}"
-        raise WiringError(f"the test did not end: {reason}")
-    current, voltage, vdc = _table(values["wiring_ma"]), _table(values["wiring_mv"]), float(values["vdc_v"])
-    found, wiring = name_wiring(current, voltage, LEAST_SHARE * scenario.rated_current_a, vdc)
-    if fault == "wiring" and not found and not voltage.any():
-        found = [no_dividers()]
-    return Measured(current, voltage, vdc, fault, found, wiring)
+def judge(told: Told, scenario: Scenario, peak_a: float = 0.0) -> Measured:
+    """From what the drive tells, and the largest current seen meanwhile (A). Raises WiringError."""
+    # Tables of an earlier test stay where another fault ends a start.
+    if told.fault not in ("none", "wiring"):
+        raise WiringError(stopped(told.fault))
+    if told.current_a is None or told.voltage_v is None:
+        raise WiringError("the test did not end")
+    rated_a, noise = scenario.rated_current_a, noise_a(scenario)
+    evidence = Evidence(
+        told.current_a, told.voltage_v, LEAST_SHARE * rated_a, told.vdc_v, noise, peak_a, CURRENT_SHARE * rated_a
+    )
+    found, wiring = name_wiring(evidence, told.fault == "wiring")
+    return Measured(told.current_a, told.voltage_v, told.vdc_v, told.fault, found, wiring, peak_a, noise)
 
 
-def _read(lines: list[str]) -> dict[str, str]:
-    """Values of the console's lines `NAME VALUE`."""
-    pairs = (line.strip().partition(" ") for line in lines)
-    return {name: value.strip() for name, _, value in pairs if value}
+def lead(drive: Reach, wait: Callable[[float], None]) -> tuple[Told, float]:
+    """Run the test: what the drive tells, the largest current seen (A). The drive is left as before. WiringError."""
+    peak_a = 0.0
+    try:
+        drive.begin()
+        for _ in range(round(PATIENCE_S / POLL_S)):
+            wait(POLL_S)
+            goes_on, current_a = drive.look()
+            peak_a = max(peak_a, current_a)
+            if not goes_on:
+                return drive.told(), peak_a
+    finally:
+        drive.end()
+    raise WiringError(f"the test did not end within {PATIENCE_S:g} s: {WAITS}")
 
 
-def lead(ask: Callable[[str], list[str]], wait: Callable[[float], None]) -> dict[str, str]:
-    """Run the test by a console; ask: a line and its reply. Raises WiringError."""
-    before = _read(ask("get speed_rpm")).get("speed_rpm", "0")
-    for line in (*(SETTINGS if before == "0" else SETTINGS[:1]), "start"):
-        reply = ask(line)
-        if "ok" not in [text.strip() for text in reply]:
-            raise WiringError(f"the drive refuses {line!r}: {' '.join(reply) or 'no answer'}")
-    for _ in range(round(PATIENCE_S / POLL_S)):
-        wait(POLL_S)
-        if _read(ask("get state")).get("state") != "starting":
-            break
-    else:
-        ask("stop")
-    ask("set check_wiring off")
-    ask(f"set speed_rpm {before}")
-    values = _read([line for name in VALUES for line in ask(f"get {name}")])
-    if missing := [name for name in VALUES if name not in values]:
-        raise WiringError(f"the drive does not tell {', '.join(missing)}: flash the firmware of this version")
-    return values
+def faults_of(scenario: Scenario) -> list[Event]:
+    """Events that break something, by time."""
+    return sorted((event for event in scenario.event if event.fault is not None), key=lambda event: event.at_s)
 
 
 def on_twin(scenario: Scenario, seed: int) -> Measured:
     """The firmware as a program, on the averaged machine. Raises WiringError, ConfigError for what the twin is not."""
-    from fluxlock.native.vector_run import vector_chip_of
+    from fluxlock.native.vector_run import Play
 
-    chip = vector_chip_of(scenario, seed)
-    period_s = chip.timing.period_s
-    chip.advance(round(BOOT_S / period_s))
-    return judge(lead(chip.fw.command, lambda s: chip.advance(round(s / period_s))), scenario)
+    faults = faults_of(scenario)
+    play = Play(scenario.model_copy(update={"event": faults, "window": [], "expect": []}), seed, kept_s=KEPT_S)
+
+    def wait(seconds: float) -> None:
+        until_s = play.now + seconds
+        while faults and faults[0].at_s <= until_s:
+            event = faults.pop(0)
+            play.advance(max(event.at_s, play.now))
+            play.act(event)
+        play.advance(until_s)
+
+    wait(BOOT_S)
+    told, peak_a = lead(ByConsole(play.firmware.command), wait)
+    return judge(told, scenario, peak_a)
+
+
+def first_answers(uart: list[str]) -> dict[str, str]:
+    """Values that were asked for; at its end a run asks for the log of faults, whose lines begin alike."""
+    return pairs(uart[::-1])
 
 
 def on_chip(scenario: Scenario, seed: int, folder: Path) -> Measured:
     """In the co-simulation of the chip, whose files go to a folder. Raises WiringError and SimulationFault."""
     from fluxlock.cosim.run import run_scenario
 
-    lines = [(BOOT_S + 1e-3 * k, line) for k, line in enumerate((*SETTINGS, "start"))]
-    lines += [(BOOT_S + TEST_S + 2e-3 * (k + 2), f"get {name}") for k, name in enumerate(VALUES)]
+    settings = [f"set {name} {value}" for name, value in SETTINGS.items()]
+    lines = [(BOOT_S + 1e-3 * k, line) for k, line in enumerate((*settings, "set speed_rpm 1", "start"))]
+    lines += [(BOOT_S + POLL_S * k, "get motor_a") for k in range(2, round(TEST_S / POLL_S))]
+    asked = ("state", *VALUES)
+    lines += [(BOOT_S + TEST_S + 2e-3 * (k + 2), f"get {name}") for k, name in enumerate(asked)]
+    faults = [event for event in faults_of(scenario) if event.at_s < lines[-1][0]]
     update = {
-        "event": [Event(at_s=at_s, command=line) for at_s, line in lines],
+        "event": sorted([*faults, *(Event(at_s=at_s, command=line) for at_s, line in lines)], key=lambda e: e.at_s),
         "duration_s": lines[-1][0] + 5e-3,
         "window": [],
         "expect": [],
     }
     data = run_scenario(scenario.model_copy(update=update), folder, seed)
-    values = _read(data.uart)
-    if missing := [name for name in VALUES if name not in values]:
-        raise WiringError(f"the console did not tell {', '.join(missing)}")
-    return judge(values, scenario)
+    values = first_answers(data.uart)
+    if values.get("state") == "starting":
+        raise WiringError(f"the test did not end within {TEST_S:g} s: {WAITS}")
+    peak_a = max(float(pairs([line]).get("motor_a", "0")) for line in data.uart)
+    return judge(told_by(values), scenario, peak_a)
 
 
-def on_board(scenario: Scenario, port: SerialPort) -> Measured:
-    """On a board that runs the scenario's firmware. Raises WiringError."""
+def on_board(scenario: Scenario, port: Port) -> Measured:
+    """On a board that runs the scenario's firmware, at its serial port. Raises WiringError."""
+    try:
+        told, peak_a = lead(ByConsole(Console(port).ask), time.sleep)
+    except SilentError as error:
+        raise WiringError(str(error)) from None
+    return judge(told, scenario, peak_a)
 
-    def ask(line: str) -> list[str]:
-        port.write(f"{line}\n".encode())
-        text, end = b"", time.monotonic() + ANSWER_S
-        while time.monotonic() < end:
-            text += port.read(1, ANSWER_S)
-            lines = text.decode("ascii", "replace").splitlines()
-            if text.endswith(b"\n") and lines and (lines[-1] == "ok" or lines[-1].startswith("error")):
-                return lines
-        raise WiringError(f"no answer to {line!r}: is the board flashed and does it run?")
 
-    return judge(lead(ask, time.sleep), scenario)
+def on_bus(scenario: Scenario, bus: can.BusABC, node_id: int) -> Measured:
+    """On a board that runs the scenario's firmware, by its CANopen node. Raises WiringError."""
+    with sdo_of(bus, scenario, node_id) as drive:
+        told, peak_a = lead(drive, time.sleep)
+    return judge(told, scenario, peak_a)

@@ -6,8 +6,9 @@
 Row k of a table belongs to the pulses of leg k, column j to input j of the converter. Currents are peaks. An isolated
 star point gives the true currents c a sum of zero in each row; input j shows s_j c[k, p_j], of phase p_j with the sign
 s_j. Of all orders p and signs s the right one has the largest sum of s_j table[p_j, j]: for any saliency that sum is
-the trace of an admittance, which no other choice reaches. Voltages count by how far a divider stands out of the
-other two: that is its own leg's pulse, and a constant where its gain is off.
+the trace of an admittance, which no other choice reaches. Of equal phases the next choice has two thirds of that sum:
+numbers that are not well above their noise tell nothing. Voltages count by how far a divider stands out of the other
+two: that is its own leg's pulse, and a constant where its gain is off.
 """
 
 from __future__ import annotations
@@ -25,6 +26,12 @@ EMPTY_CURRENT, EMPTY_VOLTAGE = 0.12, 0.2
 CURRENT_GAIN, VOLTAGE_GAIN = 1.5, 1.15
 # A divider that stands out of the others by so much of their voltage sees none.
 DEAD_SHARE = 0.75
+# Largest current number over its noise, rms: below the first the order is not known, below the second no gain. Four
+# numbers make the difference between two orders, so the first leaves four times its noise.
+LEAST_CLEAR, GAIN_CLEAR = 8.0, 25.0
+EMPTY_CLEAR = 3.0  # largest number of a row or column, over the noise, below which there is no signal
+# Of the rated current: what the test stays below while the rotor stands.
+CURRENT_SHARE = 0.1
 # Duty while no leg's pulse is different: half of the carrier each terminal is at the link.
 HIGH_SHARE = 0.5
 
@@ -35,8 +42,9 @@ Table = NDArray[np.float64]
 class Finding:
     """One thing that is wrong.
 
-    kind: `leg`, `no_current`, `current_sensor`, `current_wiring`, `current_gain`, `divider`, `voltage_wiring` or
-    `voltage_gain`. what: it in words; remedy: what to do. inputs: letters of what it is about.
+    kind: `leg`, `no_current`, `noise`, `turning`, `current_sensor`, `current_wiring`, `current_gain`, `divider`,
+    `voltage_wiring`, `voltage_gain` or `leg_wiring`. what: it in words; remedy: what to do. inputs: letters of what it
+    is about.
     """
 
     kind: str
@@ -52,6 +60,45 @@ class Wiring:
     current_order: str | None = "ABC"
     current_inverted: str = ""
     voltage_order: str | None = "ABC"
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What the test has measured.
+
+    current_a, voltage_v: tables (3, 3) of leg and input; voltage zero: not measured. least_a: of currents. noise_a: of
+    a current number, rms. peak_a: amplitude of the current at most, most_a: what it may be.
+    """
+
+    current_a: Table
+    voltage_v: Table
+    least_a: float
+    vdc_v: float
+    noise_a: float = 0.0
+    peak_a: float = 0.0
+    most_a: float = np.inf
+
+
+# Why a start does not go on: the terminals show no rest.
+WAITS = "the rotor turns, which must stop first, or an upper switch conducts for ever: measure each leg without supply"
+# Faults that end a start before the test has its tables: what it may be, and what to do.
+_STOPS = {
+    "rotor_spinning": WAITS,
+    "fault_pin": "a gate driver reports a fault: a switch conducts for ever, or a leg is shorted to a rail; measure "
+    "each leg against both rails without supply",
+    "phase_over_current": "legs are shorted to each other, or one of them to a rail: measure the leads and the motor's "
+    "terminals without supply",
+    "shorted_winding": "two phases are shorted: measure the motor's terminals without supply",
+    "current_sum": "the currents do not add up to zero: a sensor is dead, or a lead has a path to earth or a rail",
+    "voltage_channel": "a voltage divider keeps one value: check the wires of the dividers",
+}
+_STOPS["dc_over_current"] = _STOPS["phase_over_current"]
+
+
+def stopped(fault: str) -> str:
+    """Why the test has no tables, by the fault that the drive stopped with."""
+    why = _STOPS.get(fault)
+    return f"the drive stopped with the fault {fault}" + (f": {why}" if why else ", before the test had ended")
 
 
 def best_order(table: Table, signed: bool) -> tuple[tuple[int, ...], tuple[float, ...]]:
@@ -86,17 +133,22 @@ def _order_finding(kind: str, name: str, order: str) -> Finding:
     return Finding(kind, what, remedy, wrong)
 
 
-def _current_findings(table: Table, least: float) -> tuple[list[Finding], str | None, str]:
+def _current_findings(seen: Evidence) -> tuple[list[Finding], str | None, str]:
+    table = seen.current_a
     most = float(np.abs(table).max())
-    if most < least:
+    if most < max(seen.least_a, LEAST_CLEAR / 2 * min(seen.noise_a, seen.least_a)):
         what = "no current sensor sees the pulses"
         remedy = "check supply and enable of the gate drivers, the motor's leads, the supply of the sensors"
         return [Finding("no_current", what, remedy, LETTERS)], None, ""
-    rows, columns = (np.abs(table).max(axis=axis) < EMPTY_CURRENT * most for axis in (1, 0))
+    if most < LEAST_CLEAR * seen.noise_a:
+        what = f"the pulses' current of {most:.2g} A drowns in the sensors' noise of {seen.noise_a:.2g} A"
+        remedy = "lower current_full_scale_a or noise_lsb of the inverter's sensing: sensors that fit the machine"
+        return [Finding("noise", what, remedy, LETTERS)], None, ""
+    empty = max(EMPTY_CURRENT * most, EMPTY_CLEAR * seen.noise_a)
+    rows, columns = (np.abs(table).max(axis=axis) < empty for axis in (1, 0))
     if rows.any():
         legs = "".join(letter for letter, empty in zip(LETTERS, rows, strict=True) if empty)
-        remedy = f"check the gate driver of leg {legs[0]}, its bootstrap supply, and the motor's lead {legs[0]}"
-        return [Finding("leg", f"leg {' and '.join(legs)} makes no current", remedy, legs)], None, ""
+        return [_dead_leg(legs, seen)], None, ""
     if columns.any():
         return (
             [
@@ -120,6 +172,8 @@ def _current_findings(table: Table, least: float) -> tuple[list[Finding], str | 
         what = f"current sensor at input {' and '.join(inverted)} has the wrong sign"
         remedy = f"turn the two wires of input {' and '.join(inverted)} round, or the sensor on its conductor"
         found.append(Finding("current_wiring", what, remedy, inverted))
+    if most < GAIN_CLEAR * seen.noise_a:
+        return found, order, inverted
     gains = relative_gains(table * np.array(signs))
     for letter, gain in zip(LETTERS, gains, strict=True):
         others = (gains.sum() - gain) / 2.0
@@ -127,6 +181,16 @@ def _current_findings(table: Table, least: float) -> tuple[list[Finding], str | 
             what = f"current sensor at input {letter} shows {gain / others:.2g} times what the others show"
             found.append(Finding("current_gain", what, f"check range, shunt and amplifier of sensor {letter}", letter))
     return found, order, inverted
+
+
+def _dead_leg(legs: str, seen: Evidence) -> Finding:
+    """A divider that sees the pulses of its leg shows that the leg switches."""
+    own = [seen.voltage_v[k, k] - seen.voltage_v[:, k].min() for k in range(3)]
+    switches = max(own) > 0.0 and own[LETTERS.index(legs[0])] > EMPTY_VOLTAGE * max(own)
+    remedy = f"check the gate driver of leg {legs[0]}, its bootstrap supply, and the motor's lead {legs[0]}"
+    if switches:
+        remedy = f"the leg switches: check the motor's lead {legs[0]} and the sensor's conductor"
+    return Finding("leg", f"leg {' and '.join(legs)} makes no current", remedy, legs)
 
 
 def _sensor_remedy(letter: str) -> str:
@@ -162,16 +226,33 @@ def _divider_remedy(letter: str) -> str:
     return f"check the divider of leg {letter}: its wire, both resistors, the input"
 
 
-def name_wiring(current: Table, voltage: Table, least: float, vdc: float) -> tuple[list[Finding], Wiring]:
-    """Findings, none of a right wiring, and the wiring seen.
+def _leg_finding(order: str) -> Finding:
+    """Sensors and dividers have the same wrong order."""
+    moved = _order_finding("leg_wiring", "gate", order)
+    legs = " and ".join(moved.inputs)
+    what = f"current sensors and voltage dividers are in the same wrong order: {_moves(order)}"
+    if len(moved.inputs) == 2:
+        what = f"current sensors and voltage dividers of {legs} are both swapped"
+    remedy = f"swap the gate signals of {legs}" if len(moved.inputs) == 2 else "put the gate signals into this order"
+    return Finding("leg_wiring", what, f"{remedy}, or the plugs of both", moved.inputs)
 
-    current, voltage: tables (3, 3) of leg and input, A and V; voltage zero: not measured. least: of currents, A. vdc:
-    link, V.
-    """
-    found, order, inverted = _current_findings(current, least)
-    voltage_order: str | None = "ABC"
+
+def name_wiring(seen: Evidence, stopped_by_test: bool = False) -> tuple[list[Finding], Wiring]:
+    """Findings, none of a right wiring, and the wiring seen. stopped_by_test: the drive calls the wiring wrong."""
+    found, order, inverted = _current_findings(seen)
+    voltage_order = None
     # A leg that does not switch moves nothing that a divider could see.
-    if voltage.any() and not any(finding.kind in ("leg", "no_current") for finding in found):
-        more, voltage_order = _voltage_findings(voltage, vdc)
+    if seen.voltage_v.any() and not any(finding.kind in ("leg", "no_current") for finding in found):
+        more, voltage_order = _voltage_findings(seen.voltage_v, seen.vdc_v)
+        if order is not None and order == voltage_order != LETTERS:
+            kept = [finding for finding in found if finding.kind != "current_wiring" or finding.what.endswith("sign")]
+            gains = [finding for finding in more if finding.kind == "voltage_gain"]
+            found, more = [_leg_finding(order), *kept], gains
         found += more
+    if stopped_by_test and not found and not seen.voltage_v.any():
+        found = [no_dividers()]
+    # A current can be believed where its sensors are in order.
+    if not found and seen.peak_a > seen.most_a:
+        what = f"{seen.peak_a:.2g} A flowed, more than a tenth of the rated current"
+        found = [Finding("turning", what, "the rotor turns: let it stop first, and test again", "")]
     return found, Wiring(order, inverted, voltage_order)
