@@ -47,7 +47,11 @@ def population_of(text: str) -> Population:
     raise ConfigError([Problem("--method", "", f'"{text}" is no method, permitted: {", ".join(POPULATIONS)}')])
 
 
-@app.command(epilog=example("fluxlock population run --method vector --lives 100"))
+@app.command(
+    epilog=example(
+        "fluxlock population run --method vector --lives 100", "fluxlock population run --wirings 8 --lives 150"
+    )
+)
 def run(
     method: Annotated[
         str | None, typer.Option(metavar="METHOD", help="six-step, vector or injection; all without.")
@@ -56,16 +60,35 @@ def run(
     first: Annotated[int, typer.Option(min=0, help="Number of the first one.")] = 0,
     seed: SeedOption = 1,
     jobs: Annotated[int, typer.Option(min=1, help="Lives side by side.")] = os.cpu_count() or 1,
+    wirings: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            max=47,
+            help="In place of lives the test of the wiring: right, 5 orders of the dividers, so many of the 47 wrong "
+            "orders and signs of current sensors on each machine. Vector control.",
+        ),
+    ] = None,
     scheduler: SchedulerOption = None,
 ) -> None:
     """Run the lives of machines on the host: right, refused by name, or wrong.
 
     The results go to build/population. Lives that ran before with equal inputs are not repeated. Exit code 1 if a life
-    is wrong.
+    is wrong, with --wirings if a test is: a false alarm, a wiring not named, too long, too much current, a rotor that
+    moves.
     """
     from fluxlock.population.command import run_population
     from fluxlock.population.run import SourcesChanged
+    from fluxlock.population.wirings import run_wirings
 
+    if wirings is not None:
+        if method not in (None, "vector"):
+            raise ConfigError([Problem("--wirings", "", f"goes with --method vector, not {method}")])
+        with on_scheduler(scheduler):
+            good = run_wirings(seed, range(first, first + lives), wirings, jobs)
+        if not good:
+            raise typer.Exit(EXIT_FAILED)
+        return
     methods = POPULATIONS if method is None else (population_of(method),)
     try:
         with on_scheduler(scheduler):

@@ -15,10 +15,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fluxlock.config import Scenario
+import numpy as np
+
+from fluxlock.config import Motor, Scenario
 from fluxlock.config.scenario import Event
 from fluxlock.flash.board_console import Console, Port, SilentError
-from fluxlock.wiring.naming import CURRENT_SHARE, WAITS, Evidence, Finding, Table, Wiring, name_wiring, stopped
+from fluxlock.wiring.naming import (
+    CURRENT_SHARE,
+    WAITS,
+    Evidence,
+    Finding,
+    Table,
+    Wiring,
+    anisotropy,
+    name_wiring,
+    stopped,
+)
 from fluxlock.wiring.reach import SETTINGS, VALUES, ByConsole, Reach, Told, WiringError, pairs, sdo_of, told_by
 
 if TYPE_CHECKING:
@@ -63,6 +75,17 @@ def noise_a(scenario: Scenario) -> float:
     return NOISE_SHARE * math.hypot(sensing.noise_lsb, QUANTUM_LSB) * lsb_a
 
 
+def file_anisotropy(motor: Motor) -> float:
+    """Largest over least inductance of all directions, of the motor file."""
+    if motor.inductance_q_h is not None:
+        ratio = motor.inductance_q_h / motor.inductance_h[0]
+        return max(ratio, 1.0 / ratio)
+    matrix = np.diag(motor.self_inductance_h)
+    for k, henry in enumerate(motor.mutual_h):
+        matrix[k, (k + 1) % 3] = matrix[(k + 1) % 3, k] = henry
+    return anisotropy(matrix)
+
+
 def judge(told: Told, scenario: Scenario, peak_a: float = 0.0) -> Measured:
     """From what the drive tells, and the largest current seen meanwhile (A). Raises WiringError."""
     # Tables of an earlier test stay where another fault ends a start.
@@ -72,10 +95,18 @@ def judge(told: Told, scenario: Scenario, peak_a: float = 0.0) -> Measured:
         raise WiringError("the test did not end")
     rated_a, noise = scenario.rated_current_a, noise_a(scenario)
     evidence = Evidence(
-        told.current_a, told.voltage_v, LEAST_SHARE * rated_a, told.vdc_v, noise, peak_a, CURRENT_SHARE * rated_a
+        told.current_a,
+        told.voltage_v,
+        LEAST_SHARE * rated_a,
+        told.vdc_v,
+        noise,
+        peak_a,
+        CURRENT_SHARE * rated_a,
+        file_anisotropy(scenario.motor),
     )
     found, wiring = name_wiring(evidence, told.fault == "wiring")
-    return Measured(told.current_a, told.voltage_v, told.vdc_v, told.fault, found, wiring, peak_a, noise)
+    tables = told.current_a, told.voltage_v, told.vdc_v
+    return Measured(*tables, told.fault, found, wiring, peak_a, noise)
 
 
 def lead(drive: Reach, wait: Callable[[float], None]) -> tuple[Told, float]:

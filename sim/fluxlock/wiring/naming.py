@@ -30,6 +30,9 @@ DEAD_SHARE = 0.75
 # numbers make the difference between two orders, so the first leaves four times its noise.
 LEAST_CLEAR, GAIN_CLEAR = 8.0, 25.0
 EMPTY_CLEAR = 3.0  # largest number of a row or column, over the noise, below which there is no signal
+# Largest over least admittance of the directions, over the motor file's: a winding of which half is shorted has 2 and
+# more, unequal phases and values of a datasheet stay below.
+WINDING_RATIO = 1.7
 # Of the rated current: what the test stays below while the rotor stands.
 CURRENT_SHARE = 0.1
 # Duty while no leg's pulse is different: half of the carrier each terminal is at the link.
@@ -43,8 +46,8 @@ class Finding:
     """One thing that is wrong.
 
     kind: `leg`, `no_current`, `noise`, `turning`, `current_sensor`, `current_wiring`, `current_gain`, `divider`,
-    `voltage_wiring`, `voltage_gain` or `leg_wiring`. what: it in words; remedy: what to do. inputs: letters of what it
-    is about.
+    `voltage_wiring`, `voltage_gain`, `winding` or `leg_wiring`. what: it in words; remedy: what to do. inputs: letters
+    of what it is about.
     """
 
     kind: str
@@ -67,7 +70,8 @@ class Evidence:
     """What the test has measured.
 
     current_a, voltage_v: tables (3, 3) of leg and input; voltage zero: not measured. least_a: of currents. noise_a: of
-    a current number, rms. peak_a: amplitude of the current at most, most_a: what it may be.
+    a current number, rms. peak_a: amplitude of the current at most, most_a: what it may be. anisotropy: see the
+    function of that name, by the motor file.
     """
 
     current_a: Table
@@ -77,6 +81,7 @@ class Evidence:
     noise_a: float = 0.0
     peak_a: float = 0.0
     most_a: float = np.inf
+    anisotropy: float = 1.0
 
 
 # Why a start does not go on: the terminals show no rest.
@@ -113,6 +118,13 @@ def relative_gains(table: Table) -> Table:
     inverse = inverse * np.sign(inverse.sum() or 1.0)
     gains = 1.0 / np.maximum(inverse, 1e-3)
     return np.asarray(gains / gains.mean())
+
+
+def anisotropy(table: Table) -> float:
+    """Largest over least admittance of all directions, of a table in order, or of a matrix of the phases."""
+    axes = np.exp(2j * np.pi * np.arange(3) / 3)
+    mean, swing = abs(axes.conj() @ table @ axes), abs(axes @ (table + table.T) @ axes) / 2
+    return float((mean + swing) / max(mean - swing, 1e-9 * mean))
 
 
 def _moves(order: str) -> str:
@@ -226,6 +238,17 @@ def _divider_remedy(letter: str) -> str:
     return f"check the divider of leg {letter}: its wire, both resistors, the input"
 
 
+def _winding_findings(seen: Evidence) -> list[Finding]:
+    """Currents that a whole winding of the motor file would not have; the sensors are in order."""
+    ratio = anisotropy(seen.current_a)
+    if np.abs(seen.current_a).max() < GAIN_CLEAR * seen.noise_a or ratio < WINDING_RATIO * seen.anisotropy:
+        return []
+    letter = LETTERS[int(np.argmax(np.diag(seen.current_a)))]
+    what = f"the directions' currents differ by {ratio:.2g}, by the motor file {seen.anisotropy:.2g}, most in {letter}"
+    remedy = "a winding is shorted in part, which its resistances show, or inductance_q_h of the motor file is wrong"
+    return [Finding("winding", what, remedy, letter)]
+
+
 def _leg_finding(order: str) -> Finding:
     """Sensors and dividers have the same wrong order."""
     moved = _order_finding("leg_wiring", "gate", order)
@@ -251,6 +274,7 @@ def name_wiring(seen: Evidence, stopped_by_test: bool = False) -> tuple[list[Fin
         found += more
     if stopped_by_test and not found and not seen.voltage_v.any():
         found = [no_dividers()]
+    found = found or _winding_findings(seen)
     # A current can be believed where its sensors are in order.
     if not found and seen.peak_a > seen.most_a:
         what = f"{seen.peak_a:.2g} A flowed, more than a tenth of the rated current"
