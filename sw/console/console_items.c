@@ -129,6 +129,17 @@ static const char *wiring(char *text, const app_t *app, bool voltages) {
   return text;
 }
 
+// Zeros of the current sensors.
+static void offsets(char *text, const parameters_t *p) {
+  chip_snapshot_t seen;
+  chip_read_offsets(&seen);
+  int32_t code_q4[CURRENT_CHANNELS];
+  for (uint32_t k = 0; k < CURRENT_CHANNELS; k++) {
+    code_q4[k] = (int32_t)seen.current_code_offset_q4[k] - (2048 << 4);
+  }
+  numbers(text, code_q4, CURRENT_CHANNELS, p->current_full_scale_ma, 15, 0);
+}
+
 static const char *hall_state_name(const parameters_t *p, bool faulty) {
   if (p->hall_mode == HALL_OFF) {
     return "off";
@@ -260,6 +271,9 @@ static const char *value_text(const app_t *app, item_t item, char *text) {
       return wiring(text, app, false);
     case ITEM_WIRING_MV:
       return wiring(text, app, true);
+    case ITEM_OFFSET_MA:
+      offsets(text, p);
+      break;
     case ITEM_RESTART:
       return last_restart(text);
     case ITEM_STACK_BYTES:

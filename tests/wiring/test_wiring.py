@@ -423,3 +423,15 @@ def test_anisotropy_is_that_of_the_admittance(ratio: float) -> None:
         turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
         table = clarke.T @ turn @ np.diag([1.0, ratio]) @ turn.T @ clarke
         assert anisotropy(table) == pytest.approx(ratio)
+
+
+def test_offsets_are_told() -> None:
+    """Those of the inverter file, which the drive measures before it is ready.
+
+    Verifies: WIRE-08
+    """
+    scenario = wired(offset_lsb=[40, -20, 0])
+    measured, _ = carry_out(scenario)
+    lsb_a = scenario.inverter.sensing.current_full_scale_a / 2048
+    assert measured.passed
+    assert measured.offset_a == pytest.approx([40 * lsb_a, -20 * lsb_a, 0.0], abs=1e-3)

@@ -88,6 +88,9 @@ class VectorChip:
         self.fw = HostFirmware(library)
         self.fw.load(block)
         self.fw.boot()
+        # Of the phases, codes Q12.4: what the drive measures before it is ready.
+        middle = 2 ** (inverter.sensing.bits - 1)
+        self.fw.auto_zero_offsets[3:6] = [round(16 * (middle + lsb)) for lsb in inverter.sensing.offset_lsb]
         self.state = np.zeros(1, kernel.STATE).view(np.recarray)
         self.plant = np.zeros(1, kernel.MACHINE).view(np.recarray)
         self._set_machine()

@@ -59,6 +59,7 @@ def _document(measured: Measured) -> dict[str, Any]:
         "current_a": measured.current_a.round(6).tolist(),
         "current_peak_a": round(measured.peak_a, 6),
         "current_noise_a": round(measured.noise_a, 6),
+        "offset_a": None if measured.offset_a is None else [round(offset, 6) for offset in measured.offset_a],
         "voltage_v": measured.voltage_v.round(6).tolist(),
     }
 
@@ -71,6 +72,11 @@ def _show(measured: Measured) -> None:
         for letter, row in zip("ABC", table, strict=True):
             shown.add_row(letter, *(f"{value:.3g}" for value in row))
         Console().print(shown)
+    text = f"largest current {measured.peak_a:.3g} A, noise of these numbers {measured.noise_a:.2g} A"
+    if measured.offset_a is not None:
+        offsets = ", ".join(f"{letter} {offset:.3g} A" for letter, offset in zip("ABC", measured.offset_a, strict=True))
+        text += f"; offsets of the current sensors {offsets}"
+    print(text)
 
 
 def verdict_of(measured: Measured) -> Verdict:

@@ -50,7 +50,8 @@ QUANTUM_LSB = 1 / math.sqrt(12)  # rms of a converter's rounding
 class Measured:
     """Tables of leg and input (A, V), link (V), the drive's fault, findings and wiring. passed: by the drive itself.
 
-    peak_a: largest current that was seen, noise_a: of the current table's numbers, rms, by the inverter file.
+    peak_a: largest current that was seen, noise_a: of the current table's numbers, rms, by the inverter file. offset_a:
+    current at which the sensors of A, B, C show none, None by CAN.
     """
 
     current_a: Table
@@ -61,6 +62,7 @@ class Measured:
     wiring: Wiring
     peak_a: float
     noise_a: float
+    offset_a: tuple[float, ...] | None
 
     @property
     def passed(self) -> bool:
@@ -106,7 +108,7 @@ def judge(told: Told, scenario: Scenario, peak_a: float = 0.0) -> Measured:
     )
     found, wiring = name_wiring(evidence, told.fault == "wiring")
     tables = told.current_a, told.voltage_v, told.vdc_v
-    return Measured(*tables, told.fault, found, wiring, peak_a, noise)
+    return Measured(*tables, told.fault, found, wiring, peak_a, noise, told.offset_a)
 
 
 def lead(drive: Reach, wait: Callable[[float], None]) -> tuple[Told, float]:

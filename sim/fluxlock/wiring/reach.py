@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 Q17 = 2.0**17
 # Setting and value for the test: a rotor that turns is waited for, never driven.
 SETTINGS = {"check_wiring": "only", "catch": "0"}
-VALUES = ("fault", "wiring_ma", "wiring_mv", "vdc_v")
+VALUES = ("fault", "wiring_ma", "wiring_mv", "vdc_v", "offset_ma")
 FLASH = "flash the firmware of this version"
 # Answer of the node: a simulated one may be slow.
 SDO_S = 2.0
@@ -41,12 +41,16 @@ class WiringError(RuntimeError):
 
 @dataclass(frozen=True)
 class Told:
-    """What the drive says after the test. Tables (3, 3) of leg and input, A and V, None before their end; link, V."""
+    """What the drive says after the test. Tables (3, 3) of leg and input, A and V, None before their end; link, V.
+
+    offset_a: current at which the sensors of A, B, C show none, measured at the boot; None: a node does not tell.
+    """
 
     fault: str
     current_a: Table | None
     voltage_v: Table | None
     vdc_v: float
+    offset_a: tuple[float, ...] | None = None
 
 
 class Reach(Protocol):
@@ -80,7 +84,8 @@ def told_by(values: dict[str, str]) -> Told:
         return None if text == "none" else np.array([1e-3 * float(word) for word in text.split()]).reshape(3, 3)
 
     tables = table(values["wiring_ma"]), table(values["wiring_mv"])
-    return Told(values["fault"], *tables, float(values["vdc_v"]))
+    offset_a = tuple(1e-3 * float(word) for word in values["offset_ma"].split()[:3])
+    return Told(values["fault"], *tables, float(values["vdc_v"]), offset_a)
 
 
 class ByConsole:
