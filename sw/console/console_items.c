@@ -125,7 +125,7 @@ static const char *wiring(char *text, const app_t *app, bool voltages) {
     return "none";
   }
   numbers(text, voltages ? seen->voltage_q17[0] : seen->current_q17[0], WIRING_LEGS * WIRING_LEGS,
-          voltages ? p->voltage_full_scale_mv : p->current_full_scale_ma, 17, 0);
+          voltages ? p->voltage_full_scale_mv : p->current_full_scale_ma, 17, 3);
   return text;
 }
 
@@ -137,7 +137,7 @@ static void offsets(char *text, const parameters_t *p) {
   for (uint32_t k = 0; k < CURRENT_CHANNELS; k++) {
     code_q4[k] = (int32_t)seen.current_code_offset_q4[k] - (2048 << 4);
   }
-  numbers(text, code_q4, CURRENT_CHANNELS, p->current_full_scale_ma, 15, 0);
+  numbers(text, code_q4, CURRENT_CHANNELS, p->current_full_scale_ma, 15, 3);
 }
 
 static const char *hall_state_name(const parameters_t *p, bool faulty) {

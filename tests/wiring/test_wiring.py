@@ -143,6 +143,15 @@ def test_machines_of_the_population_are_right() -> None:
     assert verdict_of_machines(machines).passed
 
 
+def test_a_small_machine_has_numbers_of_its_own() -> None:
+    """Pulses of 2 mA: the console's numbers are finer than that, else orders, signs and gains are guessed.
+
+    Verifies: WIRE-04
+    """
+    (machine,) = try_machines(1, [218], 4, 1, lambda: None)
+    assert machine.trials and machine.wrong == []
+
+
 def test_a_machine_that_is_wrong_is_counted() -> None:
     """A false alarm, a wiring not named, and each limit fail the verdict.
 
