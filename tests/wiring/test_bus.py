@@ -24,7 +24,7 @@ from fluxlock.native.serve import serve
 from fluxlock.native.vector_chip import VectorChip
 from fluxlock.native.vector_run import vector_chip_of
 from fluxlock.wiring import reach
-from fluxlock.wiring.measure import on_board, on_bus, on_twin
+from fluxlock.wiring.measure import lead, on_board, on_bus, on_twin
 from fluxlock.wiring.reach import WiringError
 from tests.wiring.test_wiring import FILE, command, wired
 
@@ -163,3 +163,38 @@ def test_at_a_serial_port(order: str) -> None:
     assert measured.passed == (order == "ABC")
     replies = [chip.fw.command(f"get {name}")[0] for name in ("speed_rpm", "catch", "check_wiring")]
     assert replies == ["speed_rpm 4000", "catch 1", "check_wiring off"]
+
+
+class EnabledNode:
+    """An SDO server whose operation somebody has enabled; counts what is written."""
+
+    def __init__(self) -> None:
+        self.written = 0
+
+    def upload(self, index: int, subindex: int) -> bytes:
+        """The statusword, or 0."""
+        return bytes([reach.ENABLED if (index, subindex) == (0x6041, 0) else 0, 0])
+
+    def download(self, index: int, subindex: int, data: bytes) -> None:
+        """Nothing is to be written."""
+        self.written += 1
+
+
+def test_a_running_drive_is_left_alone() -> None:
+    """It is refused, by console and by node, and nothing is sent that stops or changes it.
+
+    Verifies: WIRE-06
+    """
+    asked: list[str] = []
+
+    def ask(line: str) -> list[str]:
+        asked.append(line)
+        return ["state running", "ok"]
+
+    with pytest.raises(WiringError, match="is in state running: it must be ready"):
+        lead(reach.ByConsole(ask), lambda _: None)
+    assert [line for line in asked if not line.startswith("get ")] == []
+    node = EnabledNode()
+    with pytest.raises(WiringError, match="a master has enabled"):
+        lead(reach.BySdo(node, wired()), lambda _: None)
+    assert node.written == 0

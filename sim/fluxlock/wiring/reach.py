@@ -20,7 +20,6 @@ from fluxlock.wiring.naming import Table, stopped
 
 if TYPE_CHECKING:
     import can
-    from canopen.sdo.client import SdoClient
 
 Q17 = 2.0**17
 # Setting and value for the test: a rotor that turns is waited for, never driven.
@@ -66,7 +65,7 @@ class Reach(Protocol):
         """Its result. Raises WiringError."""
 
     def end(self) -> None:
-        """Gates off, and the settings as they were before."""
+        """Gates off, and the settings as they were before; nothing of a drive that was not ready."""
 
 
 def pairs(lines: list[str]) -> dict[str, str]:
@@ -86,6 +85,16 @@ def told_by(values: dict[str, str]) -> Told:
     tables = table(values["wiring_ma"]), table(values["wiring_mv"])
     offset_a = tuple(1e-3 * float(word) for word in values["offset_ma"].split()[:3])
     return Told(values["fault"], *tables, float(values["vdc_v"]), offset_a)
+
+
+class Client(Protocol):
+    """Of SDOs: `SdoClient` of the package `canopen`, with what it raises."""
+
+    def upload(self, index: int, subindex: int) -> bytes:
+        """Read an object."""
+
+    def download(self, index: int, subindex: int, data: bytes) -> None:
+        """Write an object."""
 
 
 class ByConsole:
@@ -127,7 +136,7 @@ class ByConsole:
 
     def end(self) -> None:
         """See `Reach`."""
-        if self._get("state") not in ("ready", "fault", "init"):
+        if self._before and self._get("state") not in ("ready", "fault", "init"):
             self._ask("stop now")
         for name, value in self._before.items():
             self._ask(f"set {name} {value}")
@@ -140,9 +149,9 @@ def _number_of(name: str, value: str) -> int:
 
 
 class BySdo:
-    """The drive's CANopen node. client: of SDOs, raises what `canopen` raises."""
+    """The drive's CANopen node."""
 
-    def __init__(self, client: SdoClient, scenario: Scenario) -> None:
+    def __init__(self, client: Client, scenario: Scenario) -> None:
         self._client, self._sensing = client, scenario.inverter.sensing
         self._entries = load_dictionary()
         self._before: dict[str, int] = {}
@@ -197,7 +206,8 @@ class BySdo:
 
     def end(self) -> None:
         """See `Reach`."""
-        self._write("controlword", DISABLE_VOLTAGE)
+        if self._before:
+            self._write("controlword", DISABLE_VOLTAGE)
         for name, value in self._before.items():
             self._write(name, value)
 
