@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import combinations, permutations
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from fluxlock.config import ConfigError, Scenario, load_scenario
 from fluxlock.native.player import check_playable
 from fluxlock.native.vector_chip import VectorChip, set_machine
 from fluxlock.native.vector_run import vector_chip_of
+from fluxlock.population import wirings
 from fluxlock.population.draw import Draw
 from fluxlock.population.life import life_of
 from fluxlock.population.wirings import Machine, Trial, try_machines
@@ -189,10 +191,10 @@ def test_first_start_only(order: str, state: str) -> None:
     assert tests == [True, False]
 
 
-def command(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
-    """Exit code of `fluxlock check-wiring`."""
+def command(monkeypatch: pytest.MonkeyPatch, *arguments: str, name: str = "check-wiring") -> int:
+    """Exit code of `fluxlock check-wiring`, or of another command."""
     monkeypatch.chdir(ROOT)
-    monkeypatch.setattr(sys, "argv", ["fluxlock", "check-wiring", *arguments])
+    monkeypatch.setattr(sys, "argv", ["fluxlock", name, *arguments])
     with pytest.raises(SystemExit) as caught:
         cli.main()
     return int(caught.value.code or 0)
@@ -444,3 +446,23 @@ def test_offsets_are_told() -> None:
     lsb_a = scenario.inverter.sensing.current_full_scale_a / 2048
     assert measured.passed
     assert measured.offset_a == pytest.approx([40 * lsb_a, -20 * lsb_a, 0.0], abs=1e-3)
+
+
+def test_population_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Counts and limits in one line, each trial in a file; 1 if something is wrong, 2 for another method.
+
+    Verifies: WIRE-04
+    """
+    monkeypatch.setattr(wirings, "FOLDER", tmp_path)
+    words = ("run", "--wirings", "1", "--lives", "1", "--jobs", "1")
+    assert command(monkeypatch, *words, name="population") == 0
+    assert "ok: 7 tests on 1 machines, 0 wrong" in capsys.readouterr().out
+    (machine,) = json.loads((tmp_path / "wiring.json").read_text())["machines"]
+    assert len(machine["trials"]) == 7
+    monkeypatch.setattr(wirings, "LONGEST_S", 0.0)
+    assert command(monkeypatch, *words, name="population") == 1
+    assert "machine 0, right: " in capsys.readouterr().err
+    assert command(monkeypatch, *words, "--method", "six-step", name="population") == 2
+    assert "--wirings: goes with --method vector, not six-step" in capsys.readouterr().err

@@ -381,6 +381,12 @@ class Motor(Model):
         return sum(self.inductance_h) / 3
 
     @property
+    def inductance_matrix_h(self) -> list[list[float]]:
+        """Self and mutual inductances of three phases that are not salient."""
+        own, (ab, bc, ca) = self.self_inductance_h, self.mutual_h
+        return [[own[0], ab, ca], [ab, own[1], bc], [ca, bc, own[2]]]
+
+    @property
     def self_inductance_h(self) -> tuple[float, float, float]:
         """Self inductances of A, B, C; of a salient machine their mean over a turn."""
         if self.inductance_q_h is not None:

@@ -47,10 +47,7 @@ def _matrix(motor: Motor) -> NDArray[np.float64]:
     """Inductances of the phases, of a salient machine none: its phases are equal."""
     if motor.inductance_q_h is not None:
         return np.zeros((3, 3))
-    matrix = np.diag(motor.self_inductance_h)
-    for k, henry in enumerate(motor.mutual_h):
-        matrix[k, (k + 1) % 3] = matrix[(k + 1) % 3, k] = henry
-    return matrix
+    return np.array(motor.inductance_matrix_h)
 
 
 def _unequal(matrix: NDArray[np.float64]) -> complex:

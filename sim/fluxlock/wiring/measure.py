@@ -82,10 +82,7 @@ def file_anisotropy(motor: Motor) -> float:
     if motor.inductance_q_h is not None:
         ratio = motor.inductance_q_h / motor.inductance_h[0]
         return max(ratio, 1.0 / ratio)
-    matrix = np.diag(motor.self_inductance_h)
-    for k, henry in enumerate(motor.mutual_h):
-        matrix[k, (k + 1) % 3] = matrix[(k + 1) % 3, k] = henry
-    return anisotropy(matrix)
+    return anisotropy(np.array(motor.inductance_matrix_h))
 
 
 def judge(told: Told, scenario: Scenario, peak_a: float = 0.0) -> Measured:
