@@ -135,7 +135,7 @@ def test_what_is_missing_is_named(letter: str) -> None:
 
 
 def test_machines_of_the_population_are_right() -> None:
-    """No false alarm, no wiring that is not named, within the limits; `fluxlock population run --wirings` tries more.
+    """No false alarm, no wiring that is not named, within the limits; `fluxlock population run --wirings 8` tries more.
 
     Verifies: WIRE-04
     """
