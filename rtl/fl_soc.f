@@ -50,6 +50,7 @@ soc/fl_map_pkg.sv
 soc/fl_vector_pkg.sv
 
 common/fl_fifo.sv
+common/fl_ram.sv
 common/fl_sincos.sv
 common/fl_sync.sv
 
@@ -120,7 +121,6 @@ soc/fl_interval.sv
 soc/fl_irq.sv
 soc/fl_irq_wb.sv
 soc/fl_pwm_wb.sv
-soc/fl_ram.sv
 soc/fl_safety_wb.sv
 soc/fl_sense_wb.sv
 soc/fl_six_step.sv

@@ -80,7 +80,7 @@ PLANTED = {
     "package": ("pwm/fl_sequencer.sv", "module fl_sequencer", "import fl_foc_pkg::*;\n", "fl_foc_pkg of foc/"),
     "type": ("sense/fl_sense.sv", "endmodule", "  fl_vector_pkg::tap_t tap;\n", "fl_vector_pkg of soc/"),
     "registers": ("can/fl_can_tx.sv", "endmodule", "  fl_can_regs u_regs ();\n", None),
-    "block within what is shared": ("common/fl_fifo.sv", "endmodule", "  fl_ram u_ram ();\n", "fl_ram of soc/"),
+    "block within what is shared": ("common/fl_fifo.sv", "endmodule", "  fl_irq u_irq ();\n", "fl_irq of soc/"),
     "registers within what is shared": (
         "common/fl_sync.sv",
         "endmodule",

@@ -100,10 +100,10 @@ PLANTED = {
         "hal/capture.c includes drive/faults.h, which is not below it",
     ),
     "register-of-another-driver": (
-        "../hal/hall.c",
+        "../hal/chip_hall.c",
         "HOT void chip_read_hall(",
         "void spoil_driver(void) { reg_write(REG(pwm.duty), 0); }\n",
-        "registers of pwm are named by hal/hall.c and hal/pwm.c",
+        "registers of pwm are named by hal/chip_hall.c and hal/chip_pwm.c",
     ),
     "register-in-the-drive": (
         "coast.h",

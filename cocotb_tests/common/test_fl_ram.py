@@ -74,7 +74,7 @@ def test_fl_ram() -> None:
     write_image(image)
     run_block_test(
         "fl_ram",
-        ["soc/fl_ram.sv"],
+        ["common/fl_ram.sv"],
         __name__,
         parameters={"Words": WORDS, "Init": f'"{image}"'},
         extra_env={"FL_RAM_IMAGE": str(image)},
