@@ -13,6 +13,8 @@ from fluxlock.plant import Plant
 from fluxlock.plant import layout as L
 from tests.plant.drives import drive, motor_1
 
+A_AND_C_HIGH, B_LOW = 0b010001, 0b001000
+
 
 def steepest(phases: tuple[int, ...] | None) -> float:
     """Greatest phase current within 500 us after the fault, in a running drive."""
@@ -52,6 +54,24 @@ def test_shorted_winding_clears() -> None:
         plant.inject_fault(kind, phases=(0, 1))
         assert (plant.currents_a == before).all()
     assert (plant.state[L.LM : L.LM + 9] == matrix).all()
+
+
+@pytest.mark.parametrize("omega", [0.0, 2.4e-19, 1e-12, 1e-6])
+@pytest.mark.parametrize("turns_fraction", [0.05, 0.2, 1.0])
+def test_two_legs_at_one_rail_beside_a_rotor_that_hardly_turns(turns_fraction: float, omega: float) -> None:
+    """Equal voltages at two legs drive no current, a rounding of them at most; a third leg then drives one.
+
+    Verifies: PLANT-12
+    """
+    plant = Plant(motor_1(), seed=1, mode="jit")
+    plant.inject_fault("shorted_winding", phases=(0, 1), turns_fraction=turns_fraction)
+    plant.state[L.OMEGA] = omega
+    for cycle in range(10, 10_000, 50):
+        plant.step(cycle, A_AND_C_HIGH)
+    assert abs(plant.currents_a).max() < 1e-6
+    plant.step(10_000, A_AND_C_HIGH | B_LOW)
+    plant.step(10_050, A_AND_C_HIGH)
+    assert abs(plant.currents_a).max() > 0.1
 
 
 def test_supply_dip() -> None:

@@ -376,6 +376,19 @@ def test_rated_brake() -> None:
     assert braked(7.0).theta_e_rad - start > 0.1
 
 
+@pytest.mark.parametrize("omega", [0.0, 2.4e-19, 1e-12, 1e-6])
+def test_two_legs_at_one_rail_beside_a_rotor_that_hardly_turns(omega: float) -> None:
+    """Equal voltages at two legs drive no current, a rounding of them at most.
+
+    Verifies: PLANT-12, PLANT-20
+    """
+    plant = Plant(tian(), seed=1, mode="jit")
+    plant.state[L.OMEGA] = omega
+    for cycle in range(10, 4_000, 50):
+        plant.step(cycle, 0b010001)
+    assert abs(plant.currents_a).max() < 1e-6
+
+
 def test_shorted_winding() -> None:
     """Fewer turns of one phase: its inductances fall with their product, and come back.
 

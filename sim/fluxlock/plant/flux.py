@@ -32,6 +32,7 @@ from .vector import Vector
 
 PHASES = 3
 CONVERGED = 1e-17
+LEAST_A = 1e-9  # currents below it are none: at rest rounding of two equal voltages is all that drives one
 
 
 def log_cosh(x: float) -> float:
@@ -416,7 +417,7 @@ def build_flux_series(s: Vector, h: float) -> int:
         if c_inv != 0.0:
             d = (constant * supply * source_g - leak_g * d - idc) * c_inv / rate
         if k == 0:
-            scale_i = (size + i_size) * CONVERGED
+            scale_i = (size + i_size + LEAST_A) * CONVERGED
         constant = 0.0
         k += 1
         # The term after a negligible one is kept as well: every other term of a series may be zero.
