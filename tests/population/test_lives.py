@@ -67,6 +67,15 @@ def test_six_step_lives_turn_evenly(index: int) -> None:
     assert row["outcome"] == "right", row["reasons"]
 
 
+def test_a_brake_knows_its_current() -> None:
+    """The DC link alone has two currents for it: with the other one the brake held half of its torque back.
+
+    Verifies: FW-71
+    """
+    row = run_life("six-step", SEED, makers(), 185)
+    assert row["outcome"] == "right", row["reasons"]
+
+
 def test_refused_by_name() -> None:
     """A machine that the file check refuses does not run.
 
