@@ -34,7 +34,8 @@ SOURCES = [
     *(f"soc/fl_{name}.sv" for name in ("bus_pkg", "map_pkg")),
     "common/fl_sync.sv",
     "common/fl_fifo.sv",
-    *(f"soc/fl_{name}.sv" for name in ("ram", "cpu", "interconnect", "sys_wb", "uart_rx", "uart_tx", "uart")),
+    "common/fl_ram.sv",
+    *(f"soc/fl_{name}.sv" for name in ("cpu", "interconnect", "sys_wb", "uart_rx", "uart_tx", "uart")),
     *(f"soc/fl_{name}.sv" for name in ("uart_wb", "spi", "spi_wb")),
     soft_core(),
 ]
