@@ -37,7 +37,7 @@
 #define FLUX_MAX_Q12 512
 #define FLUX_LOOK 8
 // Share of the EMF up to which the balance of power tells a braking current.
-#define BRAKE_BALANCE 4
+#define BRAKE_BALANCE 3
 // Share of the speed that the ramp may have gone since the measured one.
 #define FLUX_REST 64
 #define DEAD_STEEP_MAX 64
@@ -124,7 +124,7 @@ static void schedule_current(regulate_t *r, const six_step_view_t *view, const p
   // A sample in the pulse shows the pair's current itself.
   const bool mean = p->sample_mode == SAMPLING_CONTINUOUS;
   const int32_t emf_v_q25 = is_firm(view->settings) ? emf_now_v_q25(r, view) : view->m->emf_v_q25;
-  // Two braking currents i give the same power i (E + R i), equal ones at E/2: from half of that on the voltage says E + R i.
+  // Two braking currents i give the same power i (E + R i), equal ones at E/2: short of that the voltage says E + R i.
   const int32_t copper_v_q25 = gain_apply(view->m->line_i_q25, copper);
   const int32_t resistive_v_q25 = (copper_v_q25 < -emf_v_q25 / BRAKE_BALANCE) ? pwm->u_v_q25 - emf_v_q25 : copper_v_q25;
   g->line_ratio_q16 = !mean ? ONE_Q16 : line_current_ratio_q16(view->m->vdc_v_q25, emf_v_q25, resistive_v_q25,
