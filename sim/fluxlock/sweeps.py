@@ -24,6 +24,7 @@ import numpy as np
 
 from fluxlock.api import plain, results_folder, run_checked, scenario_of, seed_of, whole
 from fluxlock.base.paths import content_hash
+from fluxlock.base.writable import write_whole
 from fluxlock.config import ConfigError, Inverter, Motor, Problem, Scenario
 from fluxlock.config.errors import SET_OPTION
 from fluxlock.config.fields import Model
@@ -195,9 +196,7 @@ class Grid:
         def store_row(point: Point, row: Row) -> None:
             path = paths[point.index]
             if path is not None and row["status"] != BROKEN:
-                part = path.with_suffix(".part")
-                part.write_text(json.dumps(row), encoding="utf-8")
-                part.replace(path)
+                write_whole(path, json.dumps(row))
             keep(row)
 
         for row in self.refused:

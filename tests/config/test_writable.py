@@ -9,12 +9,15 @@ import ctypes
 import os
 import subprocess
 import sys
+import traceback
 from pathlib import Path
 
 import pytest
 
 from fluxlock.base.paths import ROOT
+from fluxlock.base.writable import write_whole
 
+WRITES, LONG = 2_000, 10_000
 DROP_BOUNDING, MAY_WRITE_ALL = 24, 1  # PR_CAPBSET_DROP, CAP_DAC_OVERRIDE
 ADVICE = "Permission denied; let this user write there, or work in a checkout of your own\n"
 DEMO = str(ROOT / "scenarios" / "demo.toml")
@@ -123,3 +126,25 @@ def test_folder_of_results(tmp_path: Path, command: str) -> None:
     program = f"sys.argv[1:] = {words}; from {package}.cli import main; main()"
     code, error = call(tmp_path / "build", program)
     assert code == 2 and error == f"error: --out: {out}: cannot be written: Permission denied; name another folder\n"
+
+
+def test_files_of_two_writers_stay_whole(tmp_path: Path) -> None:
+    """Copies of a process, such as the ends of a branch, write the same file; no one takes another's away.
+
+    Verifies: DRV-04
+    """
+    path = tmp_path / "progress.json"
+    copies = []
+    for letter in "ab":
+        if (pid := os.fork()) == 0:
+            try:
+                for _ in range(WRITES):
+                    write_whole(path, LONG * letter)
+                    assert path.read_text() in (LONG * "a", LONG * "b")
+            except BaseException:
+                traceback.print_exc()
+                os._exit(1)
+            os._exit(0)
+        copies.append(pid)
+    assert [os.waitpid(pid, 0)[1] for pid in copies] == [0, 0]
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]

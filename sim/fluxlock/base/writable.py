@@ -57,6 +57,13 @@ def check_file(path: Path) -> None:
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
 
 
+def write_whole(path: Path, text: str) -> None:
+    """Write a file that others may read, or write, meanwhile: they find the whole old one or the whole new one."""
+    own = path.with_name(f"{path.name}.{os.getpid()}.part")
+    own.write_text(text, encoding="utf-8")
+    own.replace(path)
+
+
 class InUseError(RuntimeError):
     """Another process, or another part of this one, has the lock."""
 

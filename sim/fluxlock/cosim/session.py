@@ -9,7 +9,6 @@ Who leads a run does it by this: a plan (`fluxlock.cosim.planned`), its branches
 from __future__ import annotations
 
 import json
-import os
 import socket
 import time
 from collections.abc import Sequence
@@ -20,6 +19,7 @@ from cocotb.simtime import get_sim_time
 from cocotb.triggers import Timer
 from numpy.typing import NDArray
 
+from fluxlock.base.writable import write_whole
 from fluxlock.can.frame import Frame
 from fluxlock.cosim.console import NO_REPLY, ConsoleLines
 from fluxlock.cosim.debugger import Debugger
@@ -108,11 +108,7 @@ class Session:
             }
             if self.plan.dialogue is not None:
                 line |= {"stage": self.plan.dialogue.stage, "share": self.plan.dialogue.share}
-            path = self.plan.folder / PROGRESS_FILE
-            # Copies of this process, which run side by side, have the same folder.
-            own = path.with_suffix(f".{os.getpid()}.tmp")
-            own.write_text(json.dumps(line))
-            own.replace(path)
+            write_whole(self.plan.folder / PROGRESS_FILE, json.dumps(line))
 
     def exchange(self) -> None:
         """Let the plan's peer take and send frames."""

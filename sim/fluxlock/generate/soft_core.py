@@ -24,6 +24,7 @@ import re
 from pathlib import Path
 
 from fluxlock.base.paths import GENERATED, package_dir
+from fluxlock.base.writable import write_whole
 
 PORTS = """\
   output              instructionMemory_EN,
@@ -92,7 +93,5 @@ def soft_core() -> Path:
     text = derive((package_dir("pythondata_cpu_vexriscv") / "verilog" / "VexRiscv.v").read_text(encoding="utf-8"))
     if not CORE.exists() or CORE.read_text(encoding="utf-8") != text:
         CORE.parent.mkdir(parents=True, exist_ok=True)
-        partial = CORE.with_suffix(".part")
-        partial.write_text(text, encoding="utf-8")
-        partial.replace(CORE)
+        write_whole(CORE, text)
     return CORE

@@ -17,7 +17,7 @@ from typing import Any
 
 from fluxlock import native, results
 from fluxlock.base.paths import BUILD, content_hash
-from fluxlock.base.writable import check_folder
+from fluxlock.base.writable import check_folder, write_whole
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware import build_host_library
 from fluxlock.population.draw import Draw, Population
@@ -108,9 +108,7 @@ def run_life(method: Population, seed: int, made_by: str, index: int) -> Row:
     spent = {"simulated_s": life.scenario.duration_s, "cpu_s": time.process_time() - begin}
     row = {**head, **found, **spent}
     check_folder(path.parent)
-    part = path.with_suffix(".part")
-    part.write_text(json.dumps(row), encoding="utf-8")
-    part.replace(path)
+    write_whole(path, json.dumps(row))
     return row
 
 
