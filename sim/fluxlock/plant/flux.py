@@ -31,8 +31,6 @@ from . import layout as L
 from .vector import Vector
 
 PHASES = 3
-CONVERGED = 1e-17
-LEAST_A = 1e-9  # currents below it are none: at rest rounding of two equal voltages is all that drives one
 
 
 def log_cosh(x: float) -> float:
@@ -362,7 +360,7 @@ def build_flux_series(s: Vector, h: float) -> int:
         s[L.SERIES_I + x * L.NK] = s[L.I + x]
         size += abs(s[L.I + x])
     constant = 1.0
-    scale_d = (abs(d) + 1.0) * CONVERGED
+    scale_d = (abs(d) + 1.0) * L.CONVERGED
     scale_i = 0.0
     converged = False
     k = 0
@@ -417,7 +415,7 @@ def build_flux_series(s: Vector, h: float) -> int:
         if c_inv != 0.0:
             d = (constant * supply * source_g - leak_g * d - idc) * c_inv / rate
         if k == 0:
-            scale_i = (size + i_size + LEAST_A) * CONVERGED
+            scale_i = (size + i_size + L.LEAST_A) * L.CONVERGED
         constant = 0.0
         k += 1
         # The term after a negligible one is kept as well: every other term of a series may be zero.

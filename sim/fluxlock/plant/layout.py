@@ -13,6 +13,8 @@ from __future__ import annotations
 LEGS = 5  # room for the phases of a machine
 CHANNELS = 2 * LEGS + 3  # room for va.. ia.. vdc idc vsm
 ORDER = 16  # highest power of a Taylor series
+CONVERGED = 1e-17  # share of a series below which its terms count no more
+LEAST_A = 1e-9  # currents below it are none: at rest rounding of two equal voltages is all that drives one
 NK = ORDER + 2  # room of one series
 
 _size = 0

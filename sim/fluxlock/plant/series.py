@@ -25,8 +25,6 @@ from .vector import Vector
 
 PHASES = 3
 FIELD = False
-CONVERGED = 1e-17
-LEAST_A = 1e-9  # currents below it are none: at rest rounding of two equal voltages is all that drives one
 TURNING = False  # True in `build_turning_series`: as a constant it costs other machines nothing
 
 
@@ -103,7 +101,7 @@ def build_series(s: Vector, h: float) -> int:
     d = s[L.VDC]
     constant = 1.0
     scale_i = 0.0
-    scale_d = (abs(d) + 1.0) * CONVERGED
+    scale_d = (abs(d) + 1.0) * L.CONVERGED
     converged = 0
     k = 0
     while k <= L.ORDER:
@@ -192,7 +190,7 @@ def build_series(s: Vector, h: float) -> int:
                 # The inductance that turns is not the same in all legs: what rounding leaves of voltages that cancel
                 # drives a current.
                 scale_i += h * (gaa + gbb + gcc) * (abs(d) + 1.0)
-            scale_i = (scale_i + LEAST_A) * CONVERGED
+            scale_i = (scale_i + L.LEAST_A) * L.CONVERGED
         ga = curvature * ea / ((k + 1) * (k + 2))
         gb = curvature * eb / ((k + 1) * (k + 2))
         gc = curvature * ec / ((k + 1) * (k + 2))
