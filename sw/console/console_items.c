@@ -135,7 +135,7 @@ static void offsets(char *text, const parameters_t *p) {
   chip_read_offsets(&seen);
   int32_t code_q4[CURRENT_CHANNELS];
   for (uint32_t k = 0; k < CURRENT_CHANNELS; k++) {
-    code_q4[k] = (int32_t)seen.current_code_offset_q4[k] - (2048 << 4);
+    code_q4[k] = (int32_t)seen.current_code_offset_q4[k] - CODE_MIDDLE_Q4;
   }
   numbers(text, code_q4, CURRENT_CHANNELS, p->current_full_scale_ma, 15, 3);
 }

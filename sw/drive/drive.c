@@ -8,7 +8,6 @@
 
 #define INIT_SETTLE_TICKS 5u
 #define AUTO_ZERO_MIN_TICKS 3u
-#define MID_CODE_Q4 (2048 * 16)
 // A tenth of half the range.
 #define OFFSET_LIMIT_Q4 (204 * 16)
 
@@ -265,7 +264,7 @@ COLD static outcome_t init_step(drive_t *drive, const chip_snapshot_t *in) {
     return outcome_of(EVENT_STAY);
   }
   for (uint32_t i = 0; i < CURRENT_CHANNELS; i++) {
-    const int32_t deviation = abs_sat((int32_t)in->current_code_offset_q4[i] - MID_CODE_Q4);
+    const int32_t deviation = abs_sat((int32_t)in->current_code_offset_q4[i] - CODE_MIDDLE_Q4);
     if (deviation > OFFSET_LIMIT_Q4) {
       return outcome_fault(FAULT_CURRENT_OFFSET);
     }

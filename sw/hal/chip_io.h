@@ -17,6 +17,7 @@
 #endif
 #define SUBSPACES ((PHASES + 1) / 2 - 1)  // of the vector path; its arrays have room for those of five phases
 #define CURRENT_CHANNELS (PHASES + 1)  // of the phases, idc
+#define CODE_MIDDLE_Q4 (2048 * 16)     // of a current converter of 12 bits
 
 typedef enum { LEG_OFF = 0, LEG_HIGH = 1, LEG_LOW = 2, LEG_PWM_HIGH = 3, LEG_PWM_LOW = 4 } leg_command_t;
 typedef enum { SEQUENCER_OFF = 0, SEQUENCER_MANUAL = 1, SEQUENCER_SIX_STEP = 2 } sequencer_mode_t;

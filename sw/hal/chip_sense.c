@@ -8,7 +8,6 @@
 #include "hal/reg.h"
 
 #define CHANNELS (2u * PHASES + 3u)
-#define CURRENT_OFFSET_Q4 (2048u * 16u)
 #define UNITY_GAIN_Q15 0x8000u
 #define AUTO_ZERO_LOG2_SAMPLES 6u
 
@@ -33,7 +32,7 @@ COLD void sense_configure(const parameters_t *p) {
     reg_write(REG(sense.offset[0]) + 4u * c, 0);
   }
   for (uint32_t i = 0; i < CURRENT_CHANNELS; i++) {
-    reg_write(REG(sense.offset[0]) + 4u * current_channel(i), CURRENT_OFFSET_Q4);
+    reg_write(REG(sense.offset[0]) + 4u * current_channel(i), CODE_MIDDLE_Q4);
   }
   sense_schedule(SAMPLING_CONTINUOUS, (uint32_t)p->sample_offset_cycles);
 }

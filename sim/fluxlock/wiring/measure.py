@@ -51,7 +51,7 @@ class Measured:
     """Tables of leg and input (A, V), link (V), the drive's fault, findings and wiring. passed: by the drive itself.
 
     peak_a: largest current that was seen, noise_a: of the current table's numbers, rms, by the inverter file. offset_a:
-    current at which the sensors of A, B, C show none, None by CAN.
+    what the sensors of A, B, C show without current, None by CAN.
     """
 
     current_a: Table

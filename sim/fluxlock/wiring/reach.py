@@ -42,7 +42,7 @@ class WiringError(RuntimeError):
 class Told:
     """What the drive says after the test. Tables (3, 3) of leg and input, A and V, None before their end; link, V.
 
-    offset_a: current at which the sensors of A, B, C show none, measured at the boot; None: a node does not tell.
+    offset_a: what the sensors of A, B, C show without current, measured at the boot; None: a node does not tell.
     """
 
     fault: str

@@ -59,7 +59,7 @@ void fl_host_reset(void) {
   *at(REG(sys.clock)) = 50000000u;
   *at(REG(sys.blocks)) = FL_SYS_REGS__BLOCKS__FITTED_bm;
   for (uint32_t i = 0; i < OFFSETS; i++) {
-    host.auto_zero[i] = 2048 * 16;
+    host.auto_zero[i] = CODE_MIDDLE_Q4;
   }
 }
 
