@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -201,6 +203,32 @@ def test_a_light_rotor_turns_evenly(
     assert np.mean(speeds) == pytest.approx(rpm, rel=0.005)
     print(f"{100 * np.ptp(speeds) / rpm:.2f} % peak to peak")
     assert np.ptp(speeds) < 0.01 * rpm and bench.trips == 0
+
+
+@pytest.mark.parametrize(
+    ("inertia", "inductance", "carriers"), [(1.0, 1.0, 0), (1.0, 40.0, 8), (40.0, 1.0, RESTART_ALWAYS)]
+)
+def test_carriers_run_on_by_the_swing_of_the_rotor_on_its_emf(inertia: float, inductance: float, carriers: int) -> None:
+    """A light rotor: always if its swing is damped by a quarter at least, else from some on; a heavy one: never.
+
+    Verifies: FW-74
+    """
+    light, inverter, _, carrier_hz = LIGHT[0]
+    told = {
+        "inertia_kgm2": inertia * light.inertia_kgm2,
+        "inductance_h": tuple(inductance * np.array(light.inductance_h)),
+    }
+    motor = light.model_copy(update=told)
+    drive = machines.drive(carrier_hz=carrier_hz, sync_rect=False, zcd={"balance": "both"})
+    bench = Bench(motor, inverter, drive, Load(coulomb_nm=0.001))
+    line_h, line_ohm = 2.0 * motor.inductance_h[0], 2.0 * motor.resistance_ohm[0]
+    k_e = math.sqrt(3.0) * motor.psi_vs[0] * motor.pole_pairs
+    moved_s = motor.inertia_kgm2 * line_ohm / k_e**2
+    damping = 0.5 * math.sqrt(moved_s * line_ohm / line_h)
+    print(f"{moved_s * carrier_hz:.1f} carriers, damping {damping:.2f}")
+    assert (moved_s * carrier_hz < 150.0, damping > 0.25) == (carriers < RESTART_ALWAYS, carriers != 8)
+    assert bench.block.values["restart_carriers"] == carriers
+    assert bench.block.values["firm_restart_carriers"] == min(carriers, 8)
 
 
 def test_carriers_run_on_while_the_line_of_the_emf_alone_holds_the_rotor() -> None:

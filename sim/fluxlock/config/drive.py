@@ -129,7 +129,7 @@ class Drive(Model, settings=""):
     )
     commutation: Commutation = Field(
         default="CSC",
-        description="When a commutation reaches the gates. CSC: many carriers of a firm drive or a light rotor run on.",
+        description="When a commutation reaches the gates. CSC: carriers of a firm drive or a light rotor may run on.",
     )
     pattern: Pattern = Field(default="ON-PWM", description="Which switch chops.")
     carrier_hz: float = quantity("Carrier frequency.", "Hz", 1e3, 200e3)

@@ -20,13 +20,14 @@ from typing import TYPE_CHECKING
 from fluxlock.base.processes import end_with_parent
 from fluxlock.cosim.native import peek
 from fluxlock.cosim.plan import Action, Branch
+from fluxlock.firmware.binding import names
 from fluxlock.generate.memory import TELEMETRY_ADDRESS
 
 if TYPE_CHECKING:
     from fluxlock.cosim.session import Session
 
 STATE_ADDRESS = TELEMETRY_ADDRESS + 16  # telemetry.h
-STATE_STARTING, STATE_FAULT = 2, 5  # drive.h
+STATE_STARTING, STATE_FAULT = (names("drive_state_t").index(state) for state in ("starting", "fault"))
 LOOK_CYCLES = 25_000
 QUESTIONS, ANSWER_LOOKS = 3, 20
 # A drive that is about to start again gets so much longer.

@@ -200,6 +200,7 @@ def _carrier(d: Design) -> dict[str, Value]:
         "carrier_period_cycles": cycles(1.0 / drive.carrier_hz),
         "carrier_longest_cycles": cycles(d.longest_s),
         "restart_carriers": d.restart_carriers,
+        "firm_restart_carriers": d.firm_restart_carriers,
         "on_time_floor_cycles": cycles(d.settle_s + 4.0 * sensing.sample_period_s),
         "least_on_cycles": cycles(d.settling.least_s),
         "duty_max_q30": round(drive.duty_max * Q30),

@@ -44,7 +44,7 @@ SPEED_DELAY_TURNS = 3.5 / 6.0
 CURRENT_BANDWIDTH_HZ = 100.0
 # Carrier over the time constant of the rotor on its EMF line, from which on a cut carrier shows in the speed.
 CARRIER_SHARE = 1 / 150
-# Carriers of a sector beyond which they run on: a light rotor that swings, a heavy one.
+# Carriers of a sector beyond which they run on: a light rotor that swings, or one that its EMF alone holds; any other.
 RESTART_CARRIERS, RESTART_ALWAYS = 8, 30_000
 # Of the rotor on its EMF, from which on the beat of carriers that run on is no resonance.
 SWING_DAMPING = 0.25
@@ -242,6 +242,11 @@ class Design:
             return RESTART_ALWAYS
         damped = 0.5 * math.sqrt(moves_s * m.line_ohm / m.line_h) >= SWING_DAMPING
         return 0 if damped else RESTART_CARRIERS
+
+    @property
+    def firm_restart_carriers(self) -> int:
+        """The same of a firm drive (drive/six_step/regulate.h): its EMF line alone holds any rotor."""
+        return min(self.restart_carriers, RESTART_CARRIERS)
 
     @property
     def lag_s(self) -> float:

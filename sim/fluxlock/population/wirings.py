@@ -23,6 +23,7 @@ from fluxlock.base.progress import counting_bars
 from fluxlock.base.writable import check_file
 from fluxlock.config import Scenario
 from fluxlock.config.scenario import Initial
+from fluxlock.firmware.binding import names
 from fluxlock.native.vector_run import Play
 from fluxlock.population.draw import Draw
 from fluxlock.population.life import life_of, refusals
@@ -35,7 +36,6 @@ from fluxlock.workers import side_by_side
 
 # Limits: with the coast before it, electrical.
 LONGEST_S, MOST_DEG = 0.2, 5.0
-STATE_STARTING = 2
 ORDERS = ["".join(order) for order in permutations(LETTERS)]
 SIGNS = ["".join(letters) for count in range(4) for letters in combinations(LETTERS, count)]
 CURRENTS = [(order, signs) for order in ORDERS for signs in SIGNS][1:]
@@ -115,7 +115,7 @@ def try_wiring(scenario: Scenario, keys: dict[str, Any]) -> Trial:
         " ".join(f"{key}={value}" for key, value in keys.items()) or "right",
         said,
         seen,
-        float((rows["state"] == STATE_STARTING).sum() * play.chip.timing.period_s),
+        float((rows["state"] == names("drive_state_t").index("starting")).sum() * play.chip.timing.period_s),
         float(np.abs(rows["i"]).max() / scenario.rated_current_a),
         math.degrees(float(np.abs(rows["theta"] - rows["theta"][0]).max())),
     )

@@ -7,8 +7,6 @@
 #include "control/placement.h"
 
 #define MISSES_BEFORE_TRIP 2u
-// Carriers of a sector up to which each commutation starts them anew on a rotor that its EMF alone holds.
-#define RESTART_CARRIERS 8
 // 5 ms at 10 kHz, looked at every fourth tick.
 #define OUTRUN_TICKS 50u
 // 5 ms of a stop in which the shortest pulse drives the rotor.
@@ -179,8 +177,7 @@ HOT static outcome_t sensors_step(six_step_t *six, const six_step_view_t *view) 
 // rotor that it alone holds, or a light one, gets carriers that run on where a sector has many.
 HOT static void align(six_step_t *six, const settings_t *settings) {
   sequence_command_t *sequence = &six->command.sequence;
-  const int32_t of_rotor = six->p->restart_carriers;
-  const int32_t most = (is_firm(settings) && of_rotor > RESTART_CARRIERS) ? RESTART_CARRIERS : of_rotor;
+  const int32_t most = is_firm(settings) ? six->p->firm_restart_carriers : six->p->restart_carriers;
   const uint32_t most_cycles = (uint32_t)most * settings->carrier_period_cycles;
   const uint32_t now_cycles = (sequence->commutation == COMMUTATION_CSC) ? most_cycles : most_cycles / 4u * 3u;
   const bool runs_on = settings->commutation == COMMUTATION_CSC && six->m.sector_cycles > now_cycles;
