@@ -22,7 +22,8 @@ static void share_out(pair_emf_t *e, uint32_t pair, int32_t half_q20) {
 
 // The sector that ended.
 COLD static void close_sector(pair_emf_t *e, const pair_emf_gains_t *gains, int32_t emf_v_q25) {
-  if (e->ticks < TICKS_MIN) {
+  // Without an EMF nothing of it stands apart: a ramp may run ahead of a rotor that has nearly stopped.
+  if (e->ticks < TICKS_MIN || emf_v_q25 <= 0) {
     e->sectors = 0;
     return;
   }

@@ -240,7 +240,7 @@ def test_emf_of_each_pair(lib: CData, ticks: tuple[int, int]) -> None:
 
     The current follows the true EMF through resistance and inductance, and random sectors. The model in floating point
     is the circuit itself, the filter of the measured current takes longer than a short sector, and the inductance that
-    is told is 10 % wrong. A sector of too few ticks and a pause teach nothing.
+    is told is 10 % wrong. A sector of too few ticks, a pause and an EMF that is gone or reversed teach nothing.
 
     Verifies: FW-74
     """
@@ -270,4 +270,10 @@ def test_emf_of_each_pair(lib: CData, ticks: tuple[int, int]) -> None:
     lib.pair_emf_pause(state)
     for _ in range(12):
         sector(4)
+    assert list(state.more_q20) == found
+    # A division by zero would end the process here.
+    for emf in (0, -1, -22, -2048):
+        for tick in range(40):
+            lib.pair_emf_step(state, gains, round(mean_v), emf, 0, shift, commutations + tick // 8)
+        commutations += 5
     assert list(state.more_q20) == found
