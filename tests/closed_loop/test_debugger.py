@@ -3,7 +3,7 @@
 
 """`fluxlock run --gdb`: a scripted debugger stops core and motor, looks, steps, watches, and changes nothing.
 
-No registry that the lock file names has a GDB for RISC-V: the debugger is `gdb_client`.
+The debugger is `gdb_client`: it sees what a packet carries. GDB itself is in `test_gdb`.
 """
 
 from __future__ import annotations

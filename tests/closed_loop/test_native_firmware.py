@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -127,8 +126,6 @@ def test_sanitizers_are_alive(fault: str, report: str, tmp_path: Path) -> None:
         run_library(BusLibrary(library, preload), tmp_path / "simulator", 10_000)
 
 
-# A debugger is none of the tools that may be assumed, and no registry that the lock file names has one.
-@pytest.mark.skipif(shutil.which("gdb") is None, reason="needs gdb: apt install gdb")
 def test_stops_in_a_debugger(tmp_path: Path) -> None:
     """A breakpoint: gdb stops in the C at a line of its source, sees its variables, and lets the run go on to its end.
 
@@ -140,7 +137,7 @@ def test_stops_in_a_debugger(tmp_path: Path) -> None:
     )
     out = BUILD / "closed_loop" / "bus-gdb"
     command = [sys.executable, "-m", "fluxlock", "run", str(SPIN), "--out", str(out), "--native"]
-    command += ["--debugger", f"gdb -q -batch -x {script} --args"]
+    command += ["--debugger", f"{Path(sys.executable).with_name('gdb')} -q -batch -x {script} --args"]
     command += [word for value in SHORT for word in ("--set", value)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     print(done.stdout, done.stderr)
