@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import sys
 import tempfile
 import threading
 import time
@@ -17,7 +18,6 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cache, partial
 from importlib import import_module
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -64,9 +64,11 @@ def sources(package: str = "fluxlock") -> str:
 
 
 @cache
-def numerics() -> dict[str, str]:
-    """Versions of what the machine models compute with: another one may round otherwise."""
-    return {name: version(name) for name in ("numpy", "numba")}
+def versions() -> dict[str, str]:
+    """Versions of what a result depends on besides the sources: packages, and Python, whose "3.12" has one bytecode."""
+    from fluxlock.results.result import package_versions
+
+    return {"Python": f"{sys.version_info.major}.{sys.version_info.minor}", **package_versions()}
 
 
 @contextmanager
@@ -174,17 +176,20 @@ class _Asked:
     package: str
     made_by: str
     mark: str
-    numerics: dict[str, str]
+    versions: dict[str, str]
 
     def check(self) -> None:
         """Raise OtherVersion on a worker that has something else."""
+        theirs = versions()
+        others = [
+            f"{k} {theirs.get(k, 'missing')} in place of {v}" for k, v in self.versions.items() if theirs.get(k) != v
+        ]
+        if others:
+            text = f"a worker has {', '.join(others)}: results might differ; install what this process has there"
+            raise OtherVersion(text)
         if sources(self.package) != self.made_by:
             text = "a worker has another version of Fluxlock: install the same one there, or use its checkout"
             raise OtherVersion(text)
-        for name, wanted in self.numerics.items():
-            if (theirs := numerics()[name]) != wanted:
-                text = f"a worker has {name} {theirs}, this process {wanted}: results might differ in their last bits; "
-                raise OtherVersion(text + "install the same one there")
         if self.mark and not (Path(self.mark).parent == BUILD and Path(self.mark).exists()):
             text = f"a worker does not have the folder {Path(self.mark).parent}, where this command keeps its results: "
             raise OtherVersion(text + "share the checkout, and start the worker from it")
@@ -214,7 +219,7 @@ def _on_dask(
     package = str(getattr(work, "func", work).__module__).partition(".")[0]
     BUILD.mkdir(parents=True, exist_ok=True)
     with client, tempfile.NamedTemporaryFile(dir=BUILD, prefix=".asked-") as mark:
-        asked = _Asked(package, sources(package), mark.name if shares_build else "", numerics())
+        asked = _Asked(package, sources(package), mark.name if shares_build else "", versions())
         for worker, answer in client.run(asked.check, on_error="return").items():
             # A worker without Fluxlock, or with one of long ago, cannot read the question. OSError: it has just ended.
             if isinstance(answer, Exception) and not isinstance(answer, OSError):

@@ -30,6 +30,7 @@ from tests.package.dask_workers import BEGIN_S, dask_workers
 
 OWN = ROOT / "scenarios" / "own-spindle.toml"
 SHORT = {"duration_s": 0.02, "window": [], "expect": [], "event": []}
+PACKAGES = ("fluxlock", "numpy", "numba", "ziglang")
 GRID = {"motor.resistance_ohm": [0.14, 0.15], "drive.commutation": ["RSC", "CSC"]}
 
 
@@ -228,7 +229,7 @@ def test_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def refuses_strangers(address: str) -> None:
-    """A worker with other sources, another NumPy or without the folder is refused by name; else the items run."""
+    """A worker with other sources, other packages or without the folder is refused by name; else the items run."""
     found: dict[str, int] = {}
     with workers.on_scheduler(address):
         workers.side_by_side(len, ["a", "bc"], 1, found.__setitem__, shares_build=True)
@@ -236,7 +237,13 @@ def refuses_strangers(address: str) -> None:
     for name, value, text in (
         ("BUILD", Path(tempfile.gettempdir()), "a worker does not have the folder .*share the checkout"),
         ("sources", lambda package: "0123456789abcdef", "a worker has another version"),
-        ("numerics", lambda: {"numpy": "0.1"}, r"a worker has numpy \d[\d.]*, this process 0\.1"),
+        (
+            "versions",
+            lambda: {"Python": "3.9", **dict.fromkeys(PACKAGES, "0.1"), "none": "7"},
+            r"a worker has Python 3\.\d+ in place of 3\.9, "
+            + ", ".join(rf"{name} \d[\w.]* in place of 0\.1" for name in PACKAGES)
+            + ", none missing in place of 7: results might differ",
+        ),
     ):
         with pytest.MonkeyPatch.context() as patch, workers.on_scheduler(address):
             patch.setattr(workers, name, value)

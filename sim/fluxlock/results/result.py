@@ -28,6 +28,7 @@ TOOLS = (
     "cocotb",
     "numba",
     "numpy",
+    "scipy",
     "pythondata-cpu-vexriscv",
     "ziglang",
     "peakrdl",
@@ -46,6 +47,18 @@ def _program_version(command: str) -> str | None:
 
 
 @functools.cache
+def package_versions() -> dict[str, str]:
+    """Versions of the installed packages that a run uses."""
+    found = {}
+    for name in TOOLS:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+@functools.cache
 def tool_versions() -> dict[str, str]:
     """Versions of Python, of the installed packages and of the programs that a run uses."""
     found = {"python": platform.python_version()}
@@ -53,12 +66,7 @@ def tool_versions() -> dict[str, str]:
         line = _program_version(command)
         if line:
             found[key] = line
-    for name in TOOLS:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            continue
-    return found
+    return found | package_versions()
 
 
 def git_revision() -> str | None:
