@@ -1,11 +1,43 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A scripted debugger: GDB's remote serial protocol from its other side, for tests."""
+"""A scripted debugger: GDB's remote serial protocol from its other side, and the run that it debugs, for tests."""
 
 from __future__ import annotations
 
+import re
 import socket
+import subprocess
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from fluxlock.results.rundata import FloatArray, LogKind, load_trace
+
+
+def waiting(run: subprocess.Popen[str]) -> tuple[str, int, str]:
+    """Host and port at which a run waits for its debugger, and the ELF file with the symbols."""
+    assert run.stderr is not None
+    line = next(line for line in run.stderr if line.startswith("waiting"))
+    threading.Thread(target=run.stderr.read, daemon=True).start()
+    found = re.fullmatch(r"waiting at (\S+):(\d+); symbols: (.*)\n", line)
+    assert found, line
+    return found[1], int(found[2]), found[3]
+
+
+def ends_as(run: subprocess.Popen[str], out: Path, plain_out: Path, clocks: Sequence[int]) -> FloatArray:
+    """A debugged run ends with the trace of the one without; where in their sectors the stops were, 0 to 1."""
+    assert run.stdout is not None
+    print(run.stdout.read())
+    assert run.wait() == 0
+    assert (out / "trace.npz").read_bytes() == (plain_out / "trace.npz").read_bytes()
+    commutations = load_trace(out / "trace.npz").rows(LogKind.COMMUTATION)[:, 0]
+    at = np.searchsorted(commutations, clocks)
+    shares: FloatArray = (clocks - commutations[at - 1]) / (commutations[at] - commutations[at - 1])
+    print(f"stops at these shares of their sector: {shares}")
+    return shares
 
 
 class Refused(Exception):

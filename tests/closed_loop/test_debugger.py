@@ -8,7 +8,6 @@ The debugger is `gdb_client`: it sees what a packet carries. GDB itself is in `t
 
 from __future__ import annotations
 
-import re
 import socket
 import subprocess
 import sys
@@ -27,8 +26,7 @@ from fluxlock.cosim.debugger import Debugger, open_port
 from fluxlock.generate.memory import TELEMETRY_ADDRESS
 from fluxlock.generate.registers import IO_BASE
 from fluxlock.profile.elf import Program, read_program
-from fluxlock.results.rundata import LogKind, load_trace
-from tests.closed_loop.gdb_client import GdbClient, Refused
+from tests.closed_loop.gdb_client import GdbClient, Refused, ends_as, waiting
 
 SPIN = Path(__file__).parent / "scenarios" / "spin.toml"
 RPM = 60_000
@@ -142,21 +140,10 @@ def test_a_run_in_the_debugger_is_the_run_without() -> None:
     text = plain.communicate()[1]
     assert plain.returncode == 0, text
     run, out = start("gdb-with", "--gdb", ":0")
-    assert run.stderr is not None
-    line = next(line for line in run.stderr if line.startswith("waiting"))
-    found = re.fullmatch(r"waiting at (\S+):(\d+); symbols: (.*)\n", line)
-    assert found
-    threading.Thread(target=run.stderr.read, daemon=True).start()
-    with GdbClient(found[1], int(found[2])) as gdb:
-        clocks = session(gdb, read_program(Path(found[3])))
-    assert run.stdout is not None
-    print(run.stdout.read())
-    assert run.wait() == 0
-    assert (out / "trace.npz").read_bytes() == (plain_out / "trace.npz").read_bytes()
-    commutations = load_trace(out / "trace.npz").rows(LogKind.COMMUTATION)[:, 0]
-    at = np.searchsorted(commutations, clocks)
-    shares = (clocks - commutations[at - 1]) / (commutations[at] - commutations[at - 1])
-    print(f"stops at these shares of their sector: {shares}")
+    host, port, elf = waiting(run)
+    with GdbClient(host, port) as gdb:
+        clocks = session(gdb, read_program(Path(elf)))
+    shares = ends_as(run, out, plain_out, clocks)
     assert np.any((shares > 0.25) & (shares < 0.75))
 
 
@@ -242,9 +229,12 @@ def test_what_is_no_debugger_ends_nothing() -> None:
         while not answer.endswith(b"#aa"):
             answer += link.recv(1)
         assert answer == b"+$E14#aa"
-        link.sendall(b"$c#63")
+        link.sendall(b"$c#63\x03")
         thread.join(10)
         assert not thread.is_alive()
+        server.listen()
+        assert -1 in core.steps, "an interrupt that comes with the packet before it"
+        core.steps.clear()
         link.sendall(b"\x03")
         while -1 not in core.steps:
             server.listen()

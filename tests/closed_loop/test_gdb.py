@@ -5,20 +5,20 @@
 
 from __future__ import annotations
 
+import queue
 import re
 import shlex
 import signal
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import numpy as np
 
 from fluxlock.base.paths import BUILD, ROOT
 from fluxlock.cosim.debugger import NAMES
-from fluxlock.results.rundata import LogKind, load_trace
+from tests.closed_loop.gdb_client import ends_as, waiting
 
 PAGE = ROOT / "docs" / "howto" / "firmware" / "debug-the-chip.md"
 START = re.compile(r"^\.venv/bin/(fluxlock run .*) --gdb :3333$", re.MULTILINE)
@@ -26,7 +26,6 @@ SESSION = re.compile(r"^\(gdb\) target remote.*?(?=^```)", re.DOTALL | re.MULTIL
 PROMPT, END = "(gdb) ", "end of the answer"
 ANY = "...\n"  # the page shows no answer
 CLOCK = re.compile(r"^clock (\d+), ", re.MULTILINE)
-INTERRUPTS = 20  # one may reach GDB in front of its `continue`
 
 
 class Gdb:
@@ -39,47 +38,46 @@ class Gdb:
         self._gdb = subprocess.Popen(
             [*command, elf], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
         )
+        self._lines: queue.Queue[str] = queue.Queue()
+        threading.Thread(target=self._listen, daemon=True).start()
         self.ask("show version")
 
-    def send(self, command: str) -> None:
+    def _listen(self) -> None:
+        assert self._gdb.stdout is not None
+        for line in self._gdb.stdout:
+            print(line, end="")
+            self._lines.put(line)
+        self._lines.put("")
+
+    def _write(self, command: str) -> None:
         assert self._gdb.stdin is not None
-        print(f"{PROMPT}{command}")
-        self._gdb.stdin.write(f"{command}\necho {END}\\n\n")
+        self._gdb.stdin.write(f"{command}\n")
         self._gdb.stdin.flush()
 
-    def answer(self) -> str:
-        """What GDB prints until the end of the answer."""
-        assert self._gdb.stdout is not None
-        lines: list[str] = []
-        for line in self._gdb.stdout:
-            if END in line:
-                lines.append(line.partition(END)[0])
-                break
-            lines.append(line)
-        else:
-            raise AssertionError(f"GDB has ended: {''.join(lines)}")
-        print("".join(lines), end="")
-        return "".join(lines)
-
     def ask(self, command: str) -> str:
-        self.send(command)
-        return self.answer()
+        """What GDB prints until the end of the answer."""
+        print(f"{PROMPT}{command}")
+        self._write(f"{command}\necho {END}\\n")
+        lines: list[str] = []
+        while not lines or END not in lines[-1]:
+            lines.append(self._lines.get())
+            assert lines[-1], "GDB has ended"
+        return "".join(lines).partition(END)[0]
 
     def interrupt(self) -> str:
-        """`continue`, and Ctrl-C while the core runs; what GDB says."""
-        for _ in range(INTERRUPTS):
-            self.send("continue")
-            time.sleep(0.1)
-            self._gdb.send_signal(signal.SIGINT)
-            said = self.answer()
-            if "Program received" in said:
-                return said
-        raise AssertionError("no interrupt has reached the core")
+        """`continue`, and one Ctrl-C once GDB has said that it does; a second one would make GDB give up. What it says."""
+        self._write("continue")
+        said = ""
+        while "Program received" not in said:
+            said = self._lines.get()
+            assert said and "exited" not in said, "no interrupt has reached the core"
+            if said == "Continuing.\n":
+                self._gdb.send_signal(signal.SIGINT)
+        return said + self.ask("echo")
 
     def end(self) -> None:
-        assert self._gdb.stdin is not None and self._gdb.stdout is not None
+        assert self._gdb.stdin is not None
         self._gdb.stdin.close()
-        self._gdb.stdout.read()
         assert self._gdb.wait() == 0
 
 
@@ -133,24 +131,14 @@ def test_the_session_of_the_page() -> None:
     said = plain.communicate()[1]
     assert plain.returncode == 0, said
     run, out = run_of_page("gdb-page", "--gdb", ":0")
-    assert run.stderr is not None and run.stdout is not None
-    line = next(line for line in run.stderr if line.startswith("waiting"))
-    threading.Thread(target=run.stderr.read, daemon=True).start()
-    found = re.fullmatch(r"waiting at \S+:(\d+); symbols: (.*)\n", line)
-    assert found
-    remote = f"target remote :{found[1]}"
-    leave_and_return(found[2], remote)
-    gdb, clocks = Gdb(found[2]), []
+    _, port, elf = waiting(run)
+    remote = f"target remote :{port}"
+    leave_and_return(elf, remote)
+    gdb, clocks = Gdb(elf), []
     for command, shown in session_of_page():
         said = gdb.ask(remote if command.startswith("target") else command)
         assert shown == ANY or shape(said) == shape(shown), f"{command}\n{said}"
         clocks += [int(clock) for clock in CLOCK.findall(said)]
     gdb.end()
-    print(run.stdout.read())
-    assert run.wait() == 0
-    assert (out / "trace.npz").read_bytes() == (plain_out / "trace.npz").read_bytes()
-    commutations = load_trace(out / "trace.npz").rows(LogKind.COMMUTATION)[:, 0]
-    at = np.searchsorted(commutations, clocks)
-    shares = (clocks - commutations[at - 1]) / (commutations[at] - commutations[at - 1])
-    print(f"stops at these shares of their sector: {shares}")
-    assert np.any((shares > 0.2) & (shares < 0.8))
+    shares = ends_as(run, out, plain_out, clocks)
+    assert np.any((shares > 0.1) & (shares < 0.9))

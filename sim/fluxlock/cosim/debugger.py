@@ -30,6 +30,7 @@ SIGINT, SIGTRAP = 2, 5
 PC = 32  # number of this register to a debugger
 PACKET_BYTES = 4096
 LOOK_S = 0.05
+INTERRUPT = b"\x03"
 REFUSED, NO_MEMORY = "E01", "E14"
 # Z packets: kinds of access, and what a stop is called.
 WATCHES = {2: (2, "watch"), 3: (1, "rwatch"), 4: (3, "awatch")}
@@ -151,6 +152,10 @@ class Debugger:
     def listen(self) -> None:
         """Take an interrupt of the debugger, or a new debugger. To be called now and then while the core runs."""
         source = self._link or self._listener
+        if INTERRUPT in self._heard:  # it came together with the packet that let the core go on
+            self._heard = b""
+            self._core.request()
+            return
         if not select.select([source], [], [], 0)[0]:
             return
         if self._link is None:
@@ -159,7 +164,7 @@ class Debugger:
         heard = self._link.recv(PACKET_BYTES)
         if not heard:
             self._detach()
-        elif b"\x03" in heard:
+        elif INTERRUPT in heard:
             self._core.request()
 
     def end(self) -> None:
@@ -177,7 +182,7 @@ class Debugger:
             if self._link is None:
                 self._link, _ = self._listener.accept()
                 self._link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                self._heard, self._acknowledges = b"", True
+                self._acknowledges = True
             else:
                 self._send(self._reason())
             self._running = False
@@ -199,7 +204,7 @@ class Debugger:
         self._set.clear()
         if self._link is not None:
             self._link.close()
-        self._link = None
+        self._link, self._heard = None, b""
 
     # Packets
 
