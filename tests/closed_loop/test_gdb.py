@@ -65,7 +65,7 @@ class Gdb:
         return "".join(lines).partition(END)[0]
 
     def interrupt(self) -> str:
-        """`continue`, and one Ctrl-C once GDB has said that it does; a second one would make GDB give up. What it says."""
+        """`continue`, and one Ctrl-C once GDB has said so; a second one would make GDB give up. What GDB says."""
         self._write("continue")
         said = ""
         while "Program received" not in said:
