@@ -25,6 +25,7 @@ START = re.compile(r"^\.venv/bin/(fluxlock run .*) --gdb :3333$", re.MULTILINE)
 SESSION = re.compile(r"^\(gdb\) target remote.*?(?=^```)", re.DOTALL | re.MULTILINE)
 PROMPT, END = "(gdb) ", "end of the answer"
 ANY = "...\n"  # the page shows no answer
+WAITS = "[infrun] fetch_inferior_event: exit\n"
 CLOCK = re.compile(r"^clock (\d+), ", re.MULTILINE)
 
 
@@ -65,15 +66,20 @@ class Gdb:
         return "".join(lines).partition(END)[0]
 
     def interrupt(self) -> str:
-        """`continue`, and one Ctrl-C once GDB has said so; a second one would make GDB give up. What GDB says."""
+        """`continue`, and one Ctrl-C once GDB waits: one before is lost, a second makes it give up. What it says."""
+        self.ask("set debug infrun on")  # GDB's log says when it waits
         self._write("continue")
+        self._until(WAITS)
+        self._gdb.send_signal(signal.SIGINT)
+        return self._until("Program received") + self.ask("set debug infrun off")
+
+    def _until(self, part: str) -> str:
+        """The line that has it."""
         said = ""
-        while "Program received" not in said:
+        while part not in said:
             said = self._lines.get()
             assert said and "exited" not in said, "no interrupt has reached the core"
-            if said == "Continuing.\n":
-                self._gdb.send_signal(signal.SIGINT)
-        return said + self.ask("echo")
+        return said
 
     def end(self) -> None:
         assert self._gdb.stdin is not None
