@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import inspect
 import sys
 from collections.abc import Sequence
 from typing import Literal, get_args, get_origin
@@ -118,7 +119,7 @@ def _tables(model: type[Model], heading: str, path: str) -> list[str]:
             title = f"[[{dotted}]]" if array else f"[{dotted}]"
             need = "required" if info.is_required() else "optional"
             below += _tables(inner, f"`{title}` ({need}{', any number' if array else ''})", dotted)
-    note = (model.__doc__ or "").strip()
+    note = inspect.cleandoc(model.__doc__ or "")  # Python 3.12 and older keep the indentation
     return [f"### {heading}\n\n{note}\n\n{HEADER}" + "\n".join(rows) + "\n", *below]
 
 
