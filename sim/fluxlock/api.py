@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fluxlock.base.stage import PLOTTING, ProgressInfo
+from fluxlock.base.stage import BUILDING, PLOTTING, Progress, ProgressInfo
 from fluxlock.base.writable import check_folder
 from fluxlock.config import ConfigError, Inverter, Motor, Problem, Scenario, load_scenario
 from fluxlock.config.errors import SET_OPTION
@@ -38,7 +38,6 @@ from fluxlock.results.rundata import RunData
 
 if TYPE_CHECKING:
     from fluxlock.cosim.debugger import GdbServer
-    from fluxlock.cosim.launch import Progress
     from fluxlock.cosim.native_firmware import NativeFirmware
 
 
@@ -132,7 +131,7 @@ def simulate(
 
     loaded = scenario_of(scenario, overrides)
     check_parameters(loaded)
-    with nullcontext() if twin or not progress else ProgressBar(Console(stderr=True), loaded.duration_s) as bar:
+    with ProgressBar(Console(stderr=True), loaded.duration_s) if progress else nullcontext() as bar:
         return run_checked(loaded, twin, seed, folder, plots, bar, load_nm)
 
 
@@ -162,7 +161,11 @@ def run_checked(
     used_seed = seed_of(loaded, seed)
     with ExitStack() as stack:
         out = results_folder(folder or stack.enter_context(tempfile.TemporaryDirectory()))
-        data = _on_twin(loaded, used_seed, load) if twin else _on_chip(loaded, out, used_seed, progress, load, chip)
+        data = (
+            _on_twin(loaded, used_seed, progress, load)
+            if twin
+            else _on_chip(loaded, out, used_seed, progress, load, chip)
+        )
         if folder is None:
             return finished(data, loaded)
         if plots and progress is not None:
@@ -180,7 +183,9 @@ def _on_chip(
     return run_scenario(scenario, folder, seed, chip.waves, progress, native=chip.native, gdb=chip.gdb, load=load)
 
 
-def _on_twin(scenario: Scenario, seed: int, load: PythonLoad | None) -> RunData:
+def _on_twin(scenario: Scenario, seed: int, progress: Progress | None, load: PythonLoad | None) -> RunData:
     from fluxlock.native.player import player
 
-    return player(scenario, seed).run(load)
+    if progress is not None:
+        progress(ProgressInfo(0.0, scenario.duration_s, 0.0, 0.0, f"{BUILDING} twin"))
+    return player(scenario, seed).run(load, progress)

@@ -439,9 +439,8 @@ def _play(scenario: Scenario, out_dir: Path, seed: int) -> None:
     """Run a scenario on the native drive, write, print."""
     from fluxlock.api import run_checked
 
-    print("compiling what has changed", file=sys.stderr, flush=True)
-    with _output(out_dir):
-        finished = run_checked(scenario, True, seed, out_dir)
+    with _output(out_dir), ProgressBar(Console(stderr=True), scenario.duration_s) as progress:
+        finished = run_checked(scenario, True, seed, out_dir, progress=progress)
     _tell(finished, out_dir)
 
 

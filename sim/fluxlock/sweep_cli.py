@@ -15,7 +15,6 @@ from rich.console import Console
 from rich.table import Table
 
 from fluxlock.base.paths import RESULTS
-from fluxlock.base.progress import counting_bars
 from fluxlock.command_line import SchedulerOption
 from fluxlock.config import ConfigError, Problem
 from fluxlock.config.errors import did_you_mean
@@ -79,11 +78,7 @@ def sweep(
             raise ConfigError([Problem("--metric", name, text)])
     prepare_folder(folder, *FILES)
     check_build()
-    with counting_bars(Console(stderr=True)) as bars:
-        task = bars.add_task("points", total=len(grid.points) + len(grid.refused))
-        made = grid.run(
-            twin=twin, seed=seed, jobs=jobs, scheduler=scheduler, folder=folder, done=lambda _: bars.advance(task)
-        )
+    made = grid.run(twin=twin, seed=seed, jobs=jobs, scheduler=scheduler, folder=folder, progress=True)
     table = made.to_dataframe()
     table.to_parquet(folder / FILES[0])
     names = metrics_of(table, metric or [])

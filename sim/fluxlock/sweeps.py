@@ -15,6 +15,7 @@ import math
 import tomllib
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -24,13 +25,14 @@ import numpy as np
 
 from fluxlock.api import plain, results_folder, run_checked, scenario_of, seed_of, whole
 from fluxlock.base.paths import content_hash
+from fluxlock.base.progress import counting_bars
 from fluxlock.base.writable import write_whole
 from fluxlock.config import ConfigError, Inverter, Motor, Problem, Scenario
 from fluxlock.config.errors import SET_OPTION
 from fluxlock.config.fields import Model
 from fluxlock.python_load import NAME, LoadFunction, PythonLoad
 from fluxlock.results.rundata import SimulationFault
-from fluxlock.workers import EXTRA, OtherVersion, WorkerLost, on_scheduler, side_by_side, sources
+from fluxlock.workers import EXTRA, Cluster, OtherVersion, WorkerLost, on_scheduler, side_by_side, sources
 
 if TYPE_CHECKING:
     import pandas
@@ -171,8 +173,9 @@ class Grid:
         twin: bool = False,
         seed: int | None = None,
         jobs: int = 1,
-        scheduler: str | None = None,
+        scheduler: str | Cluster | None = None,
         folder: Path | str | None = None,
+        progress: bool = False,
         done: Done | None = None,
         load_nm: LoadFunction | None = None,
     ) -> Sweep:
@@ -190,6 +193,8 @@ class Grid:
 
         def keep(row: Row) -> None:
             rows.append(row)
+            if bars is not None and task is not None:
+                bars.advance(task)
             if done is not None:
                 done(row)
 
@@ -199,20 +204,22 @@ class Grid:
                 write_whole(path, json.dumps(row))
             keep(row)
 
-        for row in self.refused:
-            keep(row)
-        for point in self.points:
-            path = paths[point.index]
-            if path is not None and path.exists():
-                keep(json.loads(path.read_text(encoding="utf-8")) | {"point": point.index})
-            else:
-                left.append(point)
-        if left:
-            try:
-                with on_scheduler(scheduler):
-                    side_by_side(partial(run_point, seed, twin, made_by, load), left, jobs, store_row)
-            except (OtherVersion, WorkerLost) as error:
-                raise ConfigError([Problem("--jobs", str(jobs), str(error))]) from None
+        with counting_bars() if progress else nullcontext() as bars:
+            task = bars.add_task("points", total=len(self.points) + len(self.refused)) if bars is not None else None
+            for row in self.refused:
+                keep(row)
+            for point in self.points:
+                path = paths[point.index]
+                if path is not None and path.exists():
+                    keep(json.loads(path.read_text(encoding="utf-8")) | {"point": point.index})
+                else:
+                    left.append(point)
+            if left:
+                try:
+                    with on_scheduler(scheduler):
+                        side_by_side(partial(run_point, seed, twin, made_by, load), left, jobs, store_row)
+                except (OtherVersion, WorkerLost) as error:
+                    raise ConfigError([Problem("--jobs", str(jobs), str(error))]) from None
         return Sweep(self.axes, sorted(rows, key=lambda row: int(row["point"])))
 
 
@@ -267,6 +274,10 @@ class Sweep:
     axes: tuple[Axis, ...]
     rows: list[Row]
 
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{count} {status}" for status, count in Counter(row["status"] for row in self.rows).items())
+        return f"<Sweep of {', '.join(axis.key for axis in self.axes)}: {counts}>"
+
     def count(self, status: str) -> int:
         """Points of a status: right, failed (verdict), broken (no result), refused (by the checks)."""
         return sum(row["status"] == status for row in self.rows)
@@ -312,8 +323,9 @@ def sweep(
     twin: bool = False,
     seed: int | None = None,
     jobs: int = 1,
-    scheduler: str | None = None,
+    scheduler: str | Cluster | None = None,
     folder: Path | str | None = None,
+    progress: bool = False,
     done: Done | None = None,
     load_nm: LoadFunction | None = None,
 ) -> Sweep:
@@ -321,10 +333,10 @@ def sweep(
 
     axes: key -> values, `{"motor.resistance_ohm": [0.1, 0.2]}`, or a range as `--set` takes it, `"0.8x:1.2x:9"`; in the
     key's unit. twin, seed: see `simulate`. jobs: processes of this machine. scheduler: address of a Dask scheduler in
-    place of them, `tcp://host:8786`; its workers need the same version of Fluxlock. folder: keeps the results of
-    points, so that an equal sweep does not run them again. done: called with each row as it comes. load_nm: see
-    `simulate`; the function goes to the workers with what it uses of its module. It has no content that a result could
-    be kept by, so a folder is refused.
+    place of them, `tcp://host:8786`, or a cluster of Dask, `LocalCluster()`; its workers need the same version of
+    Fluxlock. folder: keeps the results of points, so that an equal sweep does not run them again. progress: draw a bar
+    on the error output. done: called with each row as it comes. load_nm: see `simulate`; the function goes to the
+    workers with what it uses of its module. It has no content that a result could be kept by, so a folder is refused.
 
     Raises ConfigError (bad key, range or scheduler, a worker of another version, a process that was lost). A point that
     cannot run does not end the others: its row says why.
@@ -333,4 +345,13 @@ def sweep(
     >>> made.to_dataframe()["steady.commutation_error_deg.rms"]
     """
     made = Grid.of(scenario_of(scenario), axes_of(axes))
-    return made.run(twin=twin, seed=seed, jobs=jobs, scheduler=scheduler, folder=folder, done=done, load_nm=load_nm)
+    return made.run(
+        twin=twin,
+        seed=seed,
+        jobs=jobs,
+        scheduler=scheduler,
+        folder=folder,
+        progress=progress,
+        done=done,
+        load_nm=load_nm,
+    )

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from fluxlock.base.interrupts import begin_worker, hold_interrupts, release_interrupts
 from fluxlock.base.paths import BUILD, PACKAGE, ROOT, content_hash
@@ -39,6 +39,14 @@ EXTRA = "`make setup` in a checkout, else pip install 'fluxlock[sweep]'"
 
 
 _SCHEDULER: ContextVar[str | None] = ContextVar("scheduler", default=None)
+
+
+class Cluster(Protocol):
+    """What one of Dask's deployers has made."""
+
+    @property
+    def scheduler_address(self) -> str:
+        """Address of its scheduler."""
 
 
 class WorkerLost(RuntimeError):
@@ -72,11 +80,12 @@ def versions() -> dict[str, str]:
 
 
 @contextmanager
-def on_scheduler(address: str | None) -> Iterator[None]:
+def on_scheduler(scheduler: str | Cluster | None) -> Iterator[None]:
     """Within, `side_by_side` hands its items to the workers of a Dask scheduler; None: to processes, as without.
 
-    ConfigError names a worker with another version or another folder.
+    scheduler: its address, or a cluster. ConfigError names a worker with another version or another folder.
     """
+    address = None if scheduler is None else str(getattr(scheduler, "scheduler_address", scheduler))
     before = _SCHEDULER.set(address)
     try:
         yield

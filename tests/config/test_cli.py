@@ -301,8 +301,9 @@ def test_counting_bars(terminal: bool) -> None:
     console = Console(file=io.StringIO(), width=120, force_terminal=terminal)
     with counting_bars(console) as bars:
         task = bars.add_task("grid", total=None)
-        for done in range(31):
-            bars.update(task, completed=done, total=30)
+        bars.update(task, total=30)
+        for _ in range(30):
+            bars.advance(task)
         bars.update(task, description="finished last")
     written = console.file.getvalue()
     assert ("\x1b" in written) == terminal

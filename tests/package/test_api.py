@@ -152,6 +152,20 @@ def test_traces(run: fluxlock.Run) -> None:
     assert run.metrics["end"]["speed_rpm"]["mean"] > 1000
 
 
+def test_progress(run: fluxlock.Run, capsys: pytest.CaptureFixture[str]) -> None:
+    """The twin says what it builds and how far it is, and runs as it does without; a run is shown by its verdict.
+
+    Verifies: PACKAGE-7
+    """
+    again = fluxlock.simulate(OWN, twin=True, progress=True, **SHORT)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0].startswith("building twin ")
+    assert lines[-1].startswith("simulating ") and "0.300/0.300 s" in lines[-1]
+    assert f"{again.traces['speed_rpm'][-1]:.0f} r/min" in lines[-1]
+    np.testing.assert_array_equal(again.data.records, run.data.records)
+    assert repr(run) == f"<Run of own-spindle: failed: {'; '.join(run.verdict.lines)}>"
+
+
 def test_plot(run: fluxlock.Run) -> None:
     """A panel a trace; a name that is none is refused with those that are.
 
@@ -254,5 +268,5 @@ def test_chip(tmp_path: Path) -> None:
     run = fluxlock.simulate(
         "scenarios/spinning.toml", folder=tmp_path, duration_s=0.002, event=[], window=[], expect=[]
     )
-    assert run.data.cycles == 100_000 and run.verdict.passed
+    assert run.data.cycles == 100_000 and repr(run).startswith("<Run of spinning: ok: ")
     assert {"trace.npz", "result.json", "overview.png"} <= {path.name for path in tmp_path.iterdir()}

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import distributed
@@ -168,6 +169,19 @@ def test_machine_that_cannot_run() -> None:
         assert [row["motor"] for row in made.rows] == names
 
 
+def test_progress(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Progress counts points that ran, were refused or were there; a sweep is shown by its counts.
+
+    Verifies: PACKAGE-8
+    """
+    grid = {"motor.resistance_ohm": [0.14, -1.0]}
+    made = fluxlock.sweep(short(), grid, twin=True, folder=tmp_path, progress=True)
+    assert [line.split()[:2] for line in capsys.readouterr().err.splitlines()] == [["points", "1/2"], ["points", "2/2"]]
+    assert repr(made) == "<Sweep of motor.resistance_ohm: 1 right, 1 refused>"
+    fluxlock.sweep(short(), grid, twin=True, folder=tmp_path)
+    assert capsys.readouterr().err == ""
+
+
 def test_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Results are kept by content: an equal sweep runs nothing, another seed or value does.
 
@@ -231,7 +245,7 @@ def test_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
 def refuses_strangers(address: str) -> None:
     """A worker with other sources, other packages or without the folder is refused by name; else the items run."""
     found: dict[str, int] = {}
-    with workers.on_scheduler(address):
+    with workers.on_scheduler(SimpleNamespace(scheduler_address=address)):  # a cluster of Dask
         workers.side_by_side(len, ["a", "bc"], 1, found.__setitem__, shares_build=True)
     assert found == {"a": 1, "bc": 2}
     for name, value, text in (

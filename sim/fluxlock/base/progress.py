@@ -34,6 +34,10 @@ class Bars(Progress):
         super().__init__(*columns, console=shown_on, disable=not shown_on.is_terminal)
         self._told: dict[TaskID, tuple[str, int]] = {}
 
+    def advance(self, task_id: TaskID, advance: float = 1) -> None:
+        """Count what has ended, as `update` does."""
+        self.update(task_id, advance=advance)
+
     def update(self, task_id: TaskID, **changes: object) -> None:
         """Change a task as `Progress.update` does; tell it where no terminal shows it."""
         super().update(task_id, **changes)  # type: ignore[arg-type]  # passed on untouched: the base checks them

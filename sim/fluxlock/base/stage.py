@@ -5,9 +5,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 BUILDING = "building"  # what the phases before a simulation begin with, followed by what is built
+SIMULATING = "simulating"
 PLOTTING = "plotting"  # the one after it
 
 
@@ -20,3 +22,6 @@ class ProgressInfo:
     speed_rpm: float
     rate_cycles_per_s: float
     phase: str
+
+
+Progress = Callable[[ProgressInfo], None]

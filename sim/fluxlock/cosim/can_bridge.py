@@ -19,13 +19,14 @@ from pathlib import Path
 
 import can
 
+from fluxlock.base.stage import Progress
 from fluxlock.can.can_bus import has_taken
 from fluxlock.can.frame import Frame
 from fluxlock.can.timing import chip_timing
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario
 from fluxlock.cosim.can_link import CanLink, LinkPeer
-from fluxlock.cosim.launch import Progress, SimulatorError, run_plan
+from fluxlock.cosim.launch import SimulatorError, run_plan
 from fluxlock.cosim.run import chip_of, collect, prepare
 from fluxlock.results.rundata import RunData, SimulationFault
 

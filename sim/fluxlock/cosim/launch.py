@@ -12,7 +12,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -21,13 +21,12 @@ import cocotb_tools.config
 import find_libpython
 
 from fluxlock.base.paths import BUILD, ROOT
-from fluxlock.base.stage import ProgressInfo
+from fluxlock.base.stage import SIMULATING, Progress, ProgressInfo
 from fluxlock.cosim.chip import Chip
 from fluxlock.cosim.plan import META_FILE, PLAN_ENV, PROGRESS_FILE, SessionPlan
 from fluxlock.cosim.waves import GTKWAVE_FILE, SURFER_FILE, WAVE_FILE, write_view
 from fluxlock.firmware import BusLibrary
 
-Progress = Callable[[ProgressInfo], None]
 LOG_FILE = "simulator.log"  # in the plan's folder
 
 
@@ -163,6 +162,6 @@ def _watch(plan: SessionPlan, progress: Progress | None, stop: threading.Event) 
             line = json.loads(text)
             t_s = min(line["t_s"], duration)  # the statistics are asked after the end
             end = min(t_s / line["share"], duration) if line.get("share") else duration
-            stage = line.get("stage", "simulating")
+            stage = line.get("stage", SIMULATING)
             progress(ProgressInfo(t_s, end, line["speed_rpm"], line["rate_cycles_per_s"], stage))
         time.sleep(0.1)

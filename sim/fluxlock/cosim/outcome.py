@@ -69,6 +69,10 @@ class Run:
     folder: Path | None
     verdict: Verdict
 
+    def __repr__(self) -> str:
+        word = "ok" if self.verdict.passed else "failed"
+        return f"<Run of {self.scenario.name}: {word}: {'; '.join(self.verdict.lines)}>"
+
     def gates(self) -> np.ndarray[Any, Any]:
         """Gate log, int64 [n, 2]: cycle, gates (bit 2X upper, 2X+1 lower switch of leg X)."""
         return self.data.rows(LogKind.GATES)[:, [0, 2]]

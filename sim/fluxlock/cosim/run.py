@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from fluxlock.base.paths import BUILD
-from fluxlock.base.stage import BUILDING, ProgressInfo
+from fluxlock.base.stage import BUILDING, Progress, ProgressInfo
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario
 from fluxlock.config.motor import machine_params
@@ -31,7 +31,7 @@ from fluxlock.cosim.chip import Chip, build_chip
 from fluxlock.cosim.console import NO_REPLY
 from fluxlock.cosim.convert import actions_of, plant_params
 from fluxlock.cosim.debugger import GdbServer
-from fluxlock.cosim.launch import Progress, SimulatorError, run_plan
+from fluxlock.cosim.launch import SimulatorError, run_plan
 from fluxlock.cosim.native_firmware import NativeFirmware
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.cosim.plan import RAW_FILE, SessionPlan

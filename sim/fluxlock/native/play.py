@@ -15,7 +15,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from fluxlock.base.stage import SIMULATING, Progress, ProgressInfo
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Problem, Scenario
+from fluxlock.config.motor import RPM_PER_RAD_S
 from fluxlock.config.scenario import NOISY_LSB, Event, Fault, Mechanics
 from fluxlock.cosim.console import NO_REPLY
 from fluxlock.firmware.host import HostFirmware
@@ -30,6 +33,8 @@ PIN, NOW = 1 << TRIP_CAUSES.index("fault_pin"), 8
 
 # Of the link: with less the models, which divide by it, have no number.
 LEAST_LINK_V = 1e-3
+
+TELL_S = 0.1  # of progress, wall clock
 
 # Faults of the plant that the machines know: `open_phase` of one phase, `stuck_rotor` of a free one.
 FAULTS = ("open_phase", "fault_pin", "stuck_rotor", "noisy_channels", "clear")
@@ -133,6 +138,8 @@ class ScenarioPlay(ABC):
         self.load_factor = 1.0
         self.load: PythonLoad | None = None
         self.held_nm = 0.0  # its torque
+        self.progress: Progress | None = None
+        self._begin_s = self._told_s = 0.0  # wall clock at the begin, and when `progress` was told last
         self.supply_v = scenario.inverter.supply_v
 
     @property
@@ -250,15 +257,25 @@ class ScenarioPlay(ABC):
         if self.load is not None:
             self.held_nm = self.load.torque_nm(self.now, *self.shaft, tick_s)
             self.set_load(self.load_factor)
+        if self.progress is not None and time.perf_counter() - self._told_s > TELL_S:
+            self._tell(self.progress)
 
-    def run(self, load: PythonLoad | None = None) -> RunData:
-        """The scenario from its begin to its end; load: on top of the scenario's."""
-        self.load = load
-        begin = time.perf_counter()
+    def _tell(self, progress: Progress) -> None:
+        self._told_s = time.perf_counter()
+        rate_hz = self.now * CLOCK_HZ / (self._told_s - self._begin_s)
+        speed_rpm = self.shaft[0] * RPM_PER_RAD_S
+        progress(ProgressInfo(self.now, self.scenario.duration_s, speed_rpm, rate_hz, SIMULATING))
+
+    def run(self, load: PythonLoad | None = None, progress: Progress | None = None) -> RunData:
+        """The scenario from its begin to its end; load: on top of the scenario's. progress: is told how far it is."""
+        self.load, self.progress = load, progress
+        self._begin_s = time.perf_counter()
         for at_s, act in sorted(self.agenda(), key=lambda entry: entry[0]):
             self.advance(min(self.scenario.duration_s, at_s))
             act()
         self.advance(self.scenario.duration_s)
         for line in FINAL_COMMANDS:
             self.uart += self.firmware.command(line)
-        return self.data(time.perf_counter() - begin)
+        if progress is not None:
+            self._tell(progress)
+        return self.data(time.perf_counter() - self._begin_s)

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from fluxlock.base.stage import Progress
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario
-from fluxlock.cosim.launch import Progress, SimulatorError, run_plan
+from fluxlock.cosim.launch import SimulatorError, run_plan
 from fluxlock.cosim.plan import TRACE_FILE
 from fluxlock.cosim.run import chip_of, collect, image_of, prepare
 from fluxlock.generate.memory import BLOCK_ADDRESS, STACK_BYTES
