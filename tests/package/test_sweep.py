@@ -24,6 +24,7 @@ from fluxlock import sweeps, workers
 from fluxlock.base.paths import ROOT
 from fluxlock.cli import app
 from fluxlock.command_line import run_command_line
+from fluxlock.population import run as population
 from fluxlock.sweeps import Axis, Grid
 from fluxverify import sweep_bench
 from fluxverify.cli import app as verify
@@ -301,6 +302,34 @@ def test_population_without_a_scheduler(monkeypatch: pytest.MonkeyPatch) -> None
     words = ["population", "run", "--method", "vector", "--lives", "1", "--scheduler", "tcp://127.0.0.1:9"]
     with pytest.raises(fluxlock.ConfigError, match="no scheduler answers"):
         CliRunner().invoke(app, words, catch_exceptions=False)
+
+
+# A worker that keeps its lives in a folder of its own: none is there before.
+LIVING = """
+import fluxlock.population.run as run, pathlib
+run.FOLDER = pathlib.Path("there").absolute()
+from distributed.cli.dask_worker import main
+main()
+"""
+
+
+def test_population_on_workers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two workers give the rows of this process, bit for bit.
+
+    Verifies: PACKAGE-9
+    """
+    monkeypatch.setattr(population, "FOLDER", tmp_path / "here")
+    indices, rows = range(3), []
+    with dask_workers(tmp_path, 0) as dask:
+        for _ in range(2):
+            dask.begin_worker(["-c", LIVING])
+        for scheduler in (None, dask.address()):
+            with workers.on_scheduler(scheduler):
+                rows.append(population.run_lives("six-step", 1, indices, 1, lambda: None))
+    here, there = ([{k: v for k, v in row.items() if k != "cpu_s"} for row in found] for found in rows)
+    assert here == there and [row["index"] for row in here] == list(indices)
+    names = [{path.name for path in (tmp_path / folder).rglob("*.json")} for folder in ("here", "there")]
+    assert names[0] == names[1] and len(names[0]) > 0
 
 
 # A worker in an environment that has Dask, but not this package.
