@@ -24,7 +24,9 @@ from fluxlock.generate.memory import RAM_WORDS
 from fluxlock.profile.command import (
     ALL,
     CONTROL,
+    LONGEST,
     Trace,
+    _heaviest,
     core_load,
     profile_of,
     traced_run,
@@ -84,6 +86,17 @@ def test_a_made_up_trace(tmp_path: Path) -> None:
     assert part.cycles == 9 and part.path(part.at) == ("trap_entry",)
 
 
+def test_the_way_of_most_clocks() -> None:
+    """It follows the callee with most clocks of all below, and ends where a function itself has more.
+
+    Verifies: SYS-19
+    """
+    many = {("a",): 1, ("a", "b"): 2, ("a", "b", "c"): 3, ("a", "b", "d"): 4, ("a", "e"): 8}
+    assert _heaviest(many) == (("a", "b", "d"), 4)
+    assert _heaviest({("a",): 9, ("a", "b"): 8}) == (("a",), 9)
+    assert _heaviest({}) == ((), 0)
+
+
 def test_an_interrupt_within_another(tmp_path: Path) -> None:
     """Its clocks are not those of the one that it interrupts; two in a row return to the same place.
 
@@ -140,7 +153,11 @@ def check_numbers(trace: Trace, data: RunData, folder: Path) -> None:
         around = getattr(control, name) - data.isr["control"][name]
         print(f"control step, {name}: {data.isr['control'][name]} clocks and {around:.0f} around them")
         assert AROUND_CLOCKS[0] < around < AROUND_CLOCKS[1]
-    assert sum(profile.worst.values()) == profile.worst_clocks == control.max
+    assert sum(profile.worst.values()) == profile.longest[0].clocks == control.max
+    lengths = [step.clocks for step in profile.longest]
+    assert len(lengths) == LONGEST and lengths == sorted(lengths, reverse=True)
+    assert all(CONTROL in step.path and 0 < step.path_clocks < step.clocks for step in profile.longest)
+    assert profile.worst[profile.longest[0].path] == profile.longest[0].path_clocks
     assert 0 < profile.stack_bytes < 4096 and profile.stack_path[0] in ("_start", "main", "trap_entry")
     write_profile(profile, "test", folder)
     names = {e.text for e in ElementTree.parse(folder / ALL).iter("{http://www.w3.org/2000/svg}text")}
@@ -165,7 +182,10 @@ def test_the_page() -> None:
     done = command("--out", str(out), "--from", "0.01", "--to", "0.03")
     print(done.stdout, done.stderr)
     assert done.returncode == 0
-    assert all(text in done.stdout for text in ("trap_control", "longest control step", "core load", "stack "))
+    assert all(
+        text in done.stdout
+        for text in ("trap_control", "longest control steps", "longest control step:", "core load", "stack ")
+    )
     named = re.findall(r"^\| `([\w.-]+)` \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
     assert len(named) == 4 and all((out / name).stat().st_size for name in named)
     numbers = json.loads((out / "profile.json").read_text())

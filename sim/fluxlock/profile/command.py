@@ -32,6 +32,7 @@ from fluxlock.results.rundata import RunData, SimulationFault
 CONTROL = "trap_control"  # sw/hal/soc/trap.S calls the control step by this name
 MAIN, POLL = "main", "app_poll"  # the main loop, and with what a round of it begins
 SHOWN = 20  # rows of a table
+LONGEST = 5  # control steps whose way is shown
 ALL, WORST = "flame.svg", "worst-step.svg"
 FOLDED, RESULT = "profile.folded", "profile.json"
 
@@ -62,16 +63,25 @@ class Function:
 
 
 @dataclass(frozen=True)
+class Step:
+    """One control step: when it began, its clocks, the calls that took most of them, and the clocks of the last one."""
+
+    begin_s: float
+    clocks: int
+    path: tuple[str, ...]
+    path_clocks: int
+
+
+@dataclass(frozen=True)
 class Profile:
-    """What a trace says. load: `core_load`. worst_s: when the longest control step began."""
+    """What a trace says. load: `core_load`. longest: control steps, the longest first; worst: clocks of the first."""
 
     image: str
     clocks: int
     load: float
     handlers: tuple[Handler, ...]
     functions: tuple[Function, ...]
-    worst_s: float | None
-    worst_clocks: int
+    longest: tuple[Step, ...]
     worst: Stacks
     stack_bytes: int
     stack_path: tuple[str, ...]
@@ -112,17 +122,19 @@ def profile_of(trace: Trace) -> Profile:
     whole = fold(trace.path, program, at=trace.lowest_at)
     stacks = whole.stacks()
     steps = whole.visits[[whole.handler(v) == CONTROL for v in whole.visits]]
-    worst = steps[np.argmax(steps["own"])] if len(steps) else None
-    part = fold(trace.path, program, (int(worst["begin"]), int(worst["end"]))) if worst is not None else None
+    steps = steps[np.argsort(-steps["own"], kind="stable")][:LONGEST]
+    parts = [_control_part(fold(trace.path, program, (int(v["begin"]), int(v["end"])))) for v in steps]
     return Profile(
         image=trace.image.stem.rpartition("-")[0],
         clocks=whole.cycles,
         load=core_load(trace.path, program, whole),
         handlers=tuple(_handlers(whole)),
         functions=tuple(_functions(stacks)),
-        worst_s=float(worst["begin"]) / CLOCK_HZ if worst is not None else None,
-        worst_clocks=int(worst["own"]) if worst is not None else 0,
-        worst=_control_part(part) if part is not None else {},
+        longest=tuple(
+            Step(float(v["begin"]) / CLOCK_HZ, int(v["own"]), *_heaviest(part))
+            for v, part in zip(steps, parts, strict=True)
+        ),
+        worst=parts[0] if parts else {},
         stack_bytes=BLOCK_ADDRESS - trace.lowest,
         stack_path=whole.path(whole.at) if whole.at >= 0 else (),
         stacks=stacks,
@@ -157,6 +169,20 @@ def _rounds(rows: NDArray[Any], program: Program) -> NDArray[np.int64]:
 def _control_part(part: Folded) -> Stacks:
     """Of one control step's clocks those of itself, without an interrupt within it."""
     return {path: n for path, n in part.stacks().items() if path[1:2] in ((), (CONTROL,))}
+
+
+def _heaviest(part: Stacks) -> tuple[tuple[str, ...], int]:
+    """From the outermost call to the one below with most clocks, until a function itself takes more; its clocks."""
+    way: tuple[str, ...] = ()
+    while True:
+        below: dict[str, int] = {}
+        for path, clocks in part.items():
+            if len(path) > len(way) and path[: len(way)] == way:
+                below[path[len(way)]] = below.get(path[len(way)], 0) + clocks
+        name = max(below, key=lambda n: below[n], default="")
+        if part.get(way, 0) >= below.get(name, 0):
+            return way, part.get(way, 0)
+        way = (*way, name)
 
 
 def _handlers(whole: Folded) -> Iterator[Handler]:
@@ -200,8 +226,11 @@ def print_profile(profile: Profile, console: Console) -> None:
         (f.name, f.self_clocks, f"{100 * f.self_clocks / total:.2f}", f.all_clocks, f"{100 * f.all_clocks / total:.2f}")
         for f in profile.functions[:SHOWN]
     ]))  # fmt: skip
-    if profile.worst_s is not None:
-        title = f"longest control step: {profile.worst_clocks} clocks at {profile.worst_s:.6f} s"
+    if profile.longest:
+        console.print(_table("longest control steps", ("calls with most clocks", "of the last", "clocks", "at s"), [
+            (" > ".join(step.path), step.path_clocks, step.clocks, f"{step.begin_s:.6f}") for step in profile.longest
+        ]))  # fmt: skip
+        title = f"longest control step: {profile.longest[0].clocks} clocks at {profile.longest[0].begin_s:.6f} s"
         rows = [(f.name, f.self_clocks, f.all_clocks) for f in _functions(profile.worst)[:SHOWN]]
         console.print(_table(title, ("function", "itself", "with callees"), rows))
     console.print(
