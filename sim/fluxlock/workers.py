@@ -38,15 +38,15 @@ NO_FLUXLOCK = "a worker has no Fluxlock, or another version: install the same on
 EXTRA = "`make setup` in a checkout, else pip install 'fluxlock[sweep]'"
 
 
-_SCHEDULER: ContextVar[str | None] = ContextVar("scheduler", default=None)
-
-
 class Cluster(Protocol):
     """What one of Dask's deployers has made."""
 
     @property
     def scheduler_address(self) -> str:
         """Address of its scheduler."""
+
+
+_SCHEDULER: ContextVar[str | Cluster | None] = ContextVar("scheduler", default=None)
 
 
 class WorkerLost(RuntimeError):
@@ -85,16 +85,19 @@ def on_scheduler(scheduler: str | Cluster | None) -> Iterator[None]:
 
     scheduler: its address, or a cluster. ConfigError names a worker with another version or another folder.
     """
-    address = None if scheduler is None else str(getattr(scheduler, "scheduler_address", scheduler))
-    before = _SCHEDULER.set(address)
+    before = _SCHEDULER.set(scheduler)
     try:
         yield
     except OtherVersion as error:
-        if address is None:
+        if scheduler is None:
             raise
-        raise ConfigError([Problem("--scheduler", address, str(error))]) from None
+        raise ConfigError([Problem("--scheduler", _address(scheduler), str(error))]) from None
     finally:
         _SCHEDULER.reset(before)
+
+
+def _address(scheduler: str | Cluster) -> str:
+    return str(getattr(scheduler, "scheduler_address", scheduler))
 
 
 def side_by_side(
@@ -194,7 +197,7 @@ class _Asked:
             f"{k} {theirs.get(k, 'missing')} in place of {v}" for k, v in self.versions.items() if theirs.get(k) != v
         ]
         if others:
-            text = f"a worker has {', '.join(others)}: results might differ; install what this process has there"
+            text = f"a worker has {', '.join(others)}: results might differ; install the same ones there"
             raise OtherVersion(text)
         if sources(self.package) != self.made_by:
             text = "a worker has another version of Fluxlock: install the same one there, or use its checkout"
@@ -212,19 +215,23 @@ class _Asked:
 def _on_dask(
     work: Callable[[Item], Result],
     items: Sequence[Item],
-    scheduler: str,
+    scheduler: str | Cluster,
     done: Callable[[Item, Result], None],
     shares_build: bool,
 ) -> None:
+    address = _address(scheduler)
     try:
         distributed: Any = import_module("distributed")  # without types
     except ImportError:
-        raise ConfigError([Problem("--scheduler", scheduler, f"needs Dask: {EXTRA}")]) from None
+        raise ConfigError([Problem("--scheduler", address, f"needs Dask: {EXTRA}")]) from None
+    if getattr(scheduler, "asynchronous", False):  # its loop is the caller's, which would wait for itself
+        text = "an asynchronous cluster cannot answer while this call waits; make it without `asynchronous`"
+        raise ConfigError([Problem("--scheduler", address, text)])
     try:
-        client = distributed.Client(scheduler, timeout=ANSWER_S)
-    except (OSError, ValueError, TypeError) as error:
+        client = distributed.Client(address, timeout=ANSWER_S, security=getattr(scheduler, "security", None))
+    except (OSError, ValueError, TypeError, RuntimeError) as error:  # RuntimeError: one of the two wants encryption
         text = f"no scheduler answers there ({error}); start one with `dask scheduler`, workers with `dask worker`"
-        raise ConfigError([Problem("--scheduler", str(scheduler), text)]) from None
+        raise ConfigError([Problem("--scheduler", address, text)]) from None
     package = str(getattr(work, "func", work).__module__).partition(".")[0]
     BUILD.mkdir(parents=True, exist_ok=True)
     with client, tempfile.NamedTemporaryFile(dir=BUILD, prefix=".asked-") as mark:
@@ -242,10 +249,10 @@ def _on_dask(
                     done(pending[future], future.result())
         except CancelledError:
             text = f"has had no worker for {DESERTED_S} s; look at their output, and start one with `dask worker`"
-            raise ConfigError([Problem("--scheduler", scheduler, text)]) from None
+            raise ConfigError([Problem("--scheduler", address, text)]) from None
         except distributed.KilledWorker as error:
             text = f"a run has ended every worker that began it; look at their output ({error})"
-            raise ConfigError([Problem("--scheduler", scheduler, text)]) from None
+            raise ConfigError([Problem("--scheduler", address, text)]) from None
 
 
 def _deserted(workers: Callable[[], Collection[str]], cancel: Callable[[], None]) -> Callable[[], None]:

@@ -241,6 +241,16 @@ def test_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
         fluxlock.sweep(short(), GRID, twin=True, scheduler="tcp://127.0.0.1:9")
     with pytest.raises(fluxlock.ConfigError, match="no scheduler answers"):
         fluxlock.sweep(short(), GRID, twin=True, scheduler="nonsense://x")
+    for cluster, text in (
+        ({"asynchronous": True}, "an asynchronous cluster cannot answer while this call waits"),
+        (
+            {"security": distributed.Security(require_encryption=True)},
+            "no scheduler answers there .*encryption required",
+        ),
+    ):
+        with pytest.raises(fluxlock.ConfigError, match=rf"^--scheduler: tcp://127.0.0.1:9: {text}"):
+            at = SimpleNamespace(scheduler_address="tcp://127.0.0.1:9", **cluster)
+            fluxlock.sweep(short(), GRID, twin=True, scheduler=at)
 
 
 def refuses_strangers(address: str) -> None:
