@@ -20,7 +20,9 @@ import numpy as np
 import pytest
 
 import fluxlock
+from fluxlock.api import run_checked
 from fluxlock.base.paths import ROOT
+from fluxlock.base.stage import ProgressInfo
 from fluxlock.config.fields import Model
 
 OWN = ROOT / "scenarios" / "own-spindle.toml"
@@ -163,6 +165,10 @@ def test_progress(run: fluxlock.Run, capsys: pytest.CaptureFixture[str]) -> None
     assert lines[-1].startswith("simulating ") and "0.300/0.300 s" in lines[-1]
     assert f"{again.traces['speed_rpm'][-1]:.0f} r/min" in lines[-1]
     np.testing.assert_array_equal(again.data.records, run.data.records)
+    seen: list[ProgressInfo] = []
+    run_checked(fluxlock.scenario_of(OWN, SHORT), True, None, progress=seen.append)
+    assert seen[0].phase == "building twin" and len(seen) > 2
+    assert all(info.phase == "simulating" and info.t_s > 0.0 for info in seen[1:])  # the first step compiles
     assert repr(run) == f"<Run of own-spindle: failed: {'; '.join(run.verdict.lines)}>"
 
 

@@ -257,7 +257,8 @@ class ScenarioPlay(ABC):
         if self.load is not None:
             self.held_nm = self.load.torque_nm(self.now, *self.shaft, tick_s)
             self.set_load(self.load_factor)
-        if self.progress is not None and time.perf_counter() - self._told_s > TELL_S:
+        # The first step of a first run compiles its models: until its end the twin is building.
+        if self.progress is not None and self.now > 0.0 and time.perf_counter() - self._told_s > TELL_S:
             self._tell(self.progress)
 
     def _tell(self, progress: Progress) -> None:
