@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fluxlock.base.stage import BUILDING, PLOTTING, Progress, ProgressInfo
+from fluxlock.base.stage import PLOTTING, Progress, ProgressInfo, tell_building
 from fluxlock.base.writable import check_folder
 from fluxlock.config import ConfigError, Inverter, Motor, Problem, Scenario, load_scenario
 from fluxlock.config.errors import SET_OPTION
@@ -186,6 +186,5 @@ def _on_chip(
 def _on_twin(scenario: Scenario, seed: int, progress: Progress | None, load: PythonLoad | None) -> RunData:
     from fluxlock.native.player import player
 
-    if progress is not None:
-        progress(ProgressInfo(0.0, scenario.duration_s, 0.0, 0.0, f"{BUILDING} twin"))
+    tell_building(progress, scenario.duration_s, "twin")
     return player(scenario, seed).run(load, progress)

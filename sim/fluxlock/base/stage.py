@@ -25,3 +25,9 @@ class ProgressInfo:
 
 
 Progress = Callable[[ProgressInfo], None]
+
+
+def tell_building(progress: Progress | None, duration_s: float, what: str) -> None:
+    """Say what is built before a simulation of this length."""
+    if progress is not None:
+        progress(ProgressInfo(0.0, duration_s, 0.0, 0.0, f"{BUILDING} {what}"))

@@ -97,7 +97,7 @@ def _check_writable(out: Path, folder: Path) -> None:
 
 def _measure(bench: Scenario, folder: Path, seed: int) -> Measured:
     columns = (
-        TextColumn("{task.description:<10}"),
+        TextColumn("{task.description:<13}"),
         BarColumn(),
         TextColumn("{task.fields[t_s]:.3f} s {task.fields[speed]:>8.0f} r/min"),
         TimeElapsedColumn(),

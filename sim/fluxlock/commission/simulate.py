@@ -5,12 +5,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from fluxlock.base.stage import BUILDING, ProgressInfo
+from fluxlock.base.stage import Progress, tell_building
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.commission.plate import NamePlate, first_guess
 from fluxlock.commission.procedure import Commissioning
@@ -53,16 +52,13 @@ def known_of(bench: Scenario) -> tuple[Commissioning, ParameterBlock]:
     return Commissioning(plate, bench.inverter, CLOCK_HZ, carrier, tick), block
 
 
-def measure(
-    bench: Scenario, folder: Path, seed: int, progress: Callable[[ProgressInfo], None] | None = None
-) -> Measured:
+def measure(bench: Scenario, folder: Path, seed: int, progress: Progress | None = None) -> Measured:
     """Run the commissioning on a bench. Its motor goes to the plant; the measurement gets the name plate.
 
     Raises ConfigError (see known_of), MeasurementError, or SimulationFault if the simulator broke off.
     """
     dialogue, block = known_of(bench)
-    if progress is not None:
-        progress(ProgressInfo(0.0, bench.duration_s, 0.0, 0.0, BUILDING))
+    tell_building(progress, bench.duration_s, "chip")
     try:
         chip = build_chip(method="vector")
         plan = prepare(bench, folder, seed, block=block)

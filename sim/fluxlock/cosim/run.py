@@ -16,13 +16,14 @@ are any.
 from __future__ import annotations
 
 import re
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fluxlock.base.paths import BUILD
-from fluxlock.base.stage import BUILDING, Progress, ProgressInfo
+from fluxlock.base.stage import Progress, tell_building
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario
 from fluxlock.config.motor import machine_params
@@ -191,11 +192,7 @@ def run_scenario(
     how the firmware runs in place of the chip's core. gdb: where the core waits for a debugger.
     load: written in Python, on top of the scenario's.
     """
-
-    def build(what: str) -> None:
-        if progress is not None:
-            progress(ProgressInfo(0.0, scenario.duration_s, 0.0, 0.0, f"{BUILDING} {what}"))
-
+    build = partial(tell_building, progress, scenario.duration_s)
     try:
         build("registers")
         generate_registers()

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from fluxlock.base.stage import Progress
+from fluxlock.base.stage import Progress, tell_building
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario
 from fluxlock.cosim.launch import SimulatorError, run_plan
@@ -64,7 +64,7 @@ class Function:
 
 @dataclass(frozen=True)
 class Step:
-    """One control step: when it began, its clocks, the calls that took most of them, and the clocks of the last one."""
+    """One control step: when it began, and its clocks. path: see `_heaviest`; path_clocks: its last function itself."""
 
     begin_s: float
     clocks: int
@@ -102,6 +102,7 @@ def traced_run(
     scenario: Scenario, out_dir: Path, seed: int, span: tuple[int, int], progress: Progress | None = None
 ) -> tuple[Trace, RunData]:
     """Run a scenario on the chip that shows its core; trace the clocks of `span`, from..to, where it ends."""
+    tell_building(progress, scenario.duration_s, "chip")
     image = image_of(scenario)
     try:
         generate_registers()
@@ -172,7 +173,7 @@ def _control_part(part: Folded) -> Stacks:
 
 
 def _heaviest(part: Stacks) -> tuple[tuple[str, ...], int]:
-    """From the outermost call to the one below with most clocks, until a function itself takes more; its clocks."""
+    """From the outermost call to the callee with most clocks, until a function itself takes as many; its own clocks."""
     way: tuple[str, ...] = ()
     while True:
         below: dict[str, int] = {}
@@ -227,7 +228,7 @@ def print_profile(profile: Profile, console: Console) -> None:
         for f in profile.functions[:SHOWN]
     ]))  # fmt: skip
     if profile.longest:
-        console.print(_table("longest control steps", ("calls with most clocks", "of the last", "clocks", "at s"), [
+        console.print(_table("longest control steps", ("calls with most clocks", "last itself", "clocks", "at s"), [
             (" > ".join(step.path), step.path_clocks, step.clocks, f"{step.begin_s:.6f}") for step in profile.longest
         ]))  # fmt: skip
         title = f"longest control step: {profile.longest[0].clocks} clocks at {profile.longest[0].begin_s:.6f} s"
