@@ -16,7 +16,7 @@ from fluxlock.command_line import SchedulerOption
 from fluxlock.config import ConfigError, Problem
 from fluxlock.config.scenario import SEED_MAX
 from fluxlock.help import example
-from fluxlock.population.draw import POPULATIONS, Population
+from fluxlock.population.draw import METHODS, POPULATIONS, Population
 from fluxlock.workers import on_scheduler
 
 app = typer.Typer(
@@ -28,6 +28,9 @@ app = typer.Typer(
 )
 
 SeedOption = Annotated[int, typer.Option(min=0, max=SEED_MAX, help="Seed of the population.")]
+RestOption = Annotated[
+    bool, typer.Option("--rest", help="From rest at any angle, then reversed, in place of caught. Six-step and vector.")
+]
 MethodOption = Annotated[str, typer.Option(metavar="METHOD", help="six-step, vector or injection.")]
 
 
@@ -47,9 +50,19 @@ def population_of(text: str) -> Population:
     raise ConfigError([Problem("--method", "", f'"{text}" is no method, permitted: {", ".join(POPULATIONS)}')])
 
 
+def _resting(text: str, rest: bool) -> Population:
+    """The same, with `--rest` or without."""
+    found = population_of(text)
+    if rest and found not in METHODS:
+        raise ConfigError([Problem("--rest", "", f"goes with {' or '.join(METHODS)}; lives of {found} begin at rest")])
+    return found
+
+
 @app.command(
     epilog=example(
-        "fluxlock population run --method vector --lives 100", "fluxlock population run --wirings 8 --lives 150"
+        "fluxlock population run --method vector --lives 100",
+        "fluxlock population run --method six-step --rest --lives 100",
+        "fluxlock population run --wirings 8 --lives 150",
     )
 )
 def run(
@@ -69,19 +82,22 @@ def run(
             "orders and signs of current sensors on each machine. Vector control.",
         ),
     ] = None,
+    rest: RestOption = False,
     scheduler: SchedulerOption = None,
 ) -> None:
     """Run the lives of machines on the host: right, refused by name, or wrong.
 
-    The results go to build/population. Lives that ran before with equal inputs are not repeated. Exit code 1 if a life
-    is wrong, with --wirings if a test is: a false alarm, a wiring not named, too long, too much current, a rotor that
-    moves.
+    The results go to build/population. Lives that ran before with equal inputs are not repeated. With --rest late locks
+    and rotors that turn back by 60 to 210 degrees are counted, more is wrong. Exit code 1 if a life is wrong, with
+    --wirings if a test is: a false alarm, a wiring not named, too long, too much current, a rotor that moves.
     """
     from fluxlock.population.command import run_population
     from fluxlock.population.run import SourcesChanged
     from fluxlock.population.wirings import run_wirings
 
     if wirings is not None:
+        if rest:
+            raise ConfigError([Problem("--rest", "", "does not go with --wirings")])
         if method not in (None, "vector"):
             raise ConfigError([Problem("--wirings", "", f"goes with --method vector, not {method}")])
         with on_scheduler(scheduler):
@@ -89,10 +105,11 @@ def run(
         if not good:
             raise typer.Exit(EXIT_FAILED)
         return
-    methods = POPULATIONS if method is None else (population_of(method),)
+    every = METHODS if rest else POPULATIONS
+    methods = every if method is None else (_resting(method, rest),)
     try:
         with on_scheduler(scheduler):
-            good = run_population(methods, seed, range(first, first + lives), jobs)
+            good = run_population(methods, seed, range(first, first + lives), jobs, rest)
     except SourcesChanged as error:
         raise ConfigError([Problem("population", "", str(error))]) from None
     if not good:
@@ -105,6 +122,7 @@ def draw(
     out: Annotated[Path, typer.Option(help="Folder for scenario.toml, motor.toml and inverter.toml.")],
     method: MethodOption = "vector",
     seed: SeedOption = 1,
+    rest: RestOption = False,
 ) -> None:
     """Write the files of one machine: `fluxlock run` takes them.
 
@@ -113,7 +131,7 @@ def draw(
     from fluxlock.population.files import write_life
     from fluxlock.population.run import any_life
 
-    life, reasons = any_life(population_of(method), seed, index)
+    life, reasons = any_life(_resting(method, rest), seed, index, rest)
     path = write_life(life, out)
     for reason in reasons:
         print(f"refused: {reason}")
@@ -126,6 +144,7 @@ def plot(
     method: MethodOption = "vector",
     out: Annotated[Path, typer.Option(help="Folder for the pictures.")] = Path("build/population/plots"),
     seed: SeedOption = 1,
+    rest: RestOption = False,
 ) -> None:
     """Run lives anew and draw speed, current and angle error of each: PNG."""
     from fluxlock.base.writable import check_file
@@ -133,10 +152,10 @@ def plot(
     from fluxlock.population.plots import draw_injection, draw_life
     from fluxlock.population.run import any_life
 
-    name = population_of(method)
+    name = _resting(method, rest)
     for index in indices:
-        life, _ = any_life(name, seed, index)
-        path = out / f"{name}-{life.draw.name}.png"
+        life, _ = any_life(name, seed, index, rest)
+        path = out / f"{name}{'-rest' if rest else ''}-{life.draw.name}.png"
         check_file(path)
         drawn = draw_injection(life, path) if isinstance(life, InjectionLife) else draw_life(life, path)
         kinds = ", ".join(dict.fromkeys(drawn)) or "right"

@@ -70,7 +70,9 @@ class Judgement:
         return asdict(self)
 
 
-class _Judge:
+class Judge:
+    """What is wrong with a run, kind by kind."""
+
     def __init__(self, data: RunData, life: Life) -> None:
         self.data, self.life, self.scenario = data, life, life.scenario
         self.analysis = Analysis(data)
@@ -81,6 +83,7 @@ class _Judge:
         self.reasons: list[Reason] = []
 
     def wrong(self, kind: str, text: str) -> None:
+        """Note a reason."""
         self.reasons.append(Reason(kind, text))
 
     def ended(self) -> None:
@@ -179,7 +182,7 @@ class _Judge:
 
 def judge(data: RunData, life: Life) -> Judgement:
     """A run of a life, on the host or on the chip."""
-    j = _Judge(data, life)
+    j = Judge(data, life)
     j.ended()
     j.lost()
     current = j.largest_current()

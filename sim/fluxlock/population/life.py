@@ -151,7 +151,7 @@ def _mrpm(rpm: float) -> float:
     return round(rpm, 3)
 
 
-def _ramp(motor: Motor) -> float:
+def slope_rpm_per_s(motor: Motor) -> float:
     """Slope of the target, r/min/s."""
     return float(f"{RAMP_SHARE * motor.rated_torque_nm / motor.inertia_kgm2 * RPM_PER_RAD_S:.4g}")
 
@@ -167,7 +167,7 @@ def _timeline(p: Parts, lowest: float, caught_s: float, loop_rad_s: float) -> _C
     low, middle, high = (math.floor(rpm) for rpm in (lowest, max(lowest, MIDDLE_SHARE * p.base_rpm), p.base_rpm))
     turn_s = 60.0 / (low * motor.pole_pairs)
     settle_s = max(SETTLE_S, SETTLE_TURNS * turn_s, SETTLE_CONSTANTS / loop_rad_s)
-    clock = _Clock(_ramp(motor), settle_s, turn_s, middle, caught_s)
+    clock = _Clock(slope_rpm_per_s(motor), settle_s, turn_s, middle, caught_s)
     clock.events += [
         Event(at_s=0.0, load_factor=0.0),
         Event(at_s=0.002, speed_rpm=middle),
@@ -199,7 +199,7 @@ def _drive(d: Draw, p: Parts, method: Method) -> Drive:
         "method": method,
         "carrier_hz": p.carrier_hz,
         "current_limit_a": p.current_limit_a,
-        "accel_rpm_per_s": _ramp(p.motor),
+        "accel_rpm_per_s": slope_rpm_per_s(p.motor),
         "motor_error": d.error,
     }
     if method == "six-step":

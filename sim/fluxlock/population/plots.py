@@ -16,20 +16,27 @@ from fluxlock.clock import CLOCK_HZ
 from fluxlock.config.motor import RPM_PER_RAD_S
 from fluxlock.population.injection_judge import judge_injection, row_of
 from fluxlock.population.injection_life import InjectionLife, play_injection
-from fluxlock.population.judge import judge, play
+from fluxlock.population.judge import Judgement, judge, play
 from fluxlock.population.life import Life
+from fluxlock.population.rest import RestFound, RestLife, judge_rest
 from fluxlock.results.angles import dq_current
 from fluxlock.results.metrics import Analysis
 from fluxlock.results.plots import ANGLE_COLOUR, DPI, PHASE_COLOURS
+from fluxlock.results.rundata import RunData
 
 POINTS = 6000  # of a line: more than the picture has columns
 REASONS = 4  # that the title names
 
 
+def judged(data: RunData, life: Life) -> Judgement | RestFound:
+    """As the population does."""
+    return judge_rest(data, life) if isinstance(life, RestLife) else judge(data, life)
+
+
 def draw_life(life: Life, path: Path) -> list[str]:
     """Run a life and write its picture; kinds of what is wrong."""
     data = play(life)
-    scenario, analysis, judgement = life.scenario, Analysis(data), judge(data, life)
+    scenario, analysis, judgement = life.scenario, Analysis(data), judged(data, life)
     figure = Figure(figsize=(11, 9), dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)
     speed, current, angle = figure.subplots(3, 1, sharex=True)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Iterable
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -26,13 +27,14 @@ from fluxlock.population.injection_judge import judge_injection, row_of
 from fluxlock.population.injection_life import InjectionLife, injection_life, injection_refusals, play_injection
 from fluxlock.population.judge import judge, play
 from fluxlock.population.life import Life, life_of, refusals
+from fluxlock.population.rest import RestLife, judge_rest, rest_life
 from fluxlock.workers import side_by_side
 
 FOLDER = BUILD / "population"
 RIGHT, NAMED, REFUSED, WRONG = "right", "named", "refused", "wrong"
 OUTCOMES = (RIGHT, NAMED, REFUSED, WRONG)
 # Modules that measure, beside the native drive that runs.
-MEASURING = ("judge", "ideal", "injection_judge", "injection_life"), ("metrics", "angles")
+MEASURING = ("judge", "ideal", "rest", "injection_judge", "injection_life"), ("metrics", "angles")
 
 Row = dict[str, Any]
 Done = Callable[[], None]
@@ -73,6 +75,9 @@ def _head(life: Life | InjectionLife, method: Population) -> Row:
 
 def _judged(life: Life | InjectionLife) -> Row:
     """Outcome of a life that runs, and what was found."""
+    if isinstance(life, RestLife):
+        rest = judge_rest(play(life), life)
+        return {"outcome": WRONG if rest.reasons else RIGHT, **asdict(rest)}
     if isinstance(life, Life):
         found = judge(play(life), life).as_json()
         return {"outcome": WRONG if found["reasons"] else RIGHT, **found}
@@ -81,18 +86,19 @@ def _judged(life: Life | InjectionLife) -> Row:
     return {"outcome": WRONG if verdict.reasons else NAMED if verdict.named else RIGHT, **row_of(verdict, run)}
 
 
-def any_life(method: Population, seed: int, index: int) -> tuple[Life | InjectionLife, list[str]]:
-    """The life of a machine, and why it is refused."""
+def any_life(method: Population, seed: int, index: int, rest: bool = False) -> tuple[Life | InjectionLife, list[str]]:
+    """The life of a machine, and why it is refused. rest: that from rest, which injection's lives are anyway."""
     if method == "injection":
         injected = injection_life(InjectionDraw.of(seed, index))
         return injected, injection_refusals(injected)
     life = life_of(Draw.of(seed, index), method)
-    return life, refusals(life)
+    reasons = refusals(life)  # before the life from rest, whose times follow from the parameters
+    return (rest_life(life) if rest and not reasons else life), reasons
 
 
-def run_life(method: Population, seed: int, made_by: str, index: int) -> Row:
+def run_life(method: Population, seed: int, made_by: str, index: int, rest: bool = False) -> Row:
     """A row of the population's document. made_by: see `makers`."""
-    life, reasons = any_life(method, seed, index)
+    life, reasons = any_life(method, seed, index, rest)
     head = _head(life, method)
     if reasons:
         texts = [{"kind": text.partition(":")[0], "text": text} for text in reasons]
@@ -112,7 +118,9 @@ def run_life(method: Population, seed: int, made_by: str, index: int) -> Row:
     return row
 
 
-def run_lives(method: Population, seed: int, indices: Iterable[int], jobs: int, done: Done) -> list[Row]:
+def run_lives(
+    method: Population, seed: int, indices: Iterable[int], jobs: int, done: Done, rest: bool = False
+) -> list[Row]:
     """Rows of the lives by index; done: called for each as it comes."""
     check_folder(FOLDER / method)
     rows: list[Row] = []
@@ -121,5 +129,5 @@ def run_lives(method: Population, seed: int, indices: Iterable[int], jobs: int, 
         rows.append(row)
         done()
 
-    side_by_side(partial(run_life, method, seed, makers()), list(indices), jobs, store)
+    side_by_side(partial(run_life, method, seed, makers(), rest=rest), list(indices), jobs, store)
     return sorted(rows, key=lambda row: int(row["index"]))
