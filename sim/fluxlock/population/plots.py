@@ -23,6 +23,7 @@ from fluxlock.results.angles import dq_current
 from fluxlock.results.metrics import Analysis
 from fluxlock.results.plots import ANGLE_COLOUR, DPI, PHASE_COLOURS
 from fluxlock.results.rundata import RunData
+from fluxlock.results.verdict import RUNNING
 
 POINTS = 6000  # of a line: more than the picture has columns
 REASONS = 4  # that the title names
@@ -45,7 +46,12 @@ def draw_life(life: Life, path: Path) -> list[str]:
     time_s = records["t_cycle"] / data.clock_hz
     speed.plot(time_s, records["omega_e"] / scenario.motor.pole_pairs * RPM_PER_RAD_S, color=PHASE_COLOURS[0], lw=0.8)
     states = data.states()
-    speed.plot(states["t_s"], states["reference_rpm"], color="#888888", ls="--", lw=0.8, label="reference")
+    reference_rpm = states["reference_rpm"]
+    if life.method == "six-step":  # a magnitude: of the way that the rotor turns, or is to
+        turns = np.interp(states["t_s"], time_s, records["omega_e"])
+        ways = np.where(states["state"] == RUNNING, turns, states["target_rpm"])
+        reference_rpm = np.copysign(reference_rpm, ways)
+    speed.plot(states["t_s"], reference_rpm, color="#888888", ls="--", lw=0.8, label="reference")
     speed.set_ylabel("speed, r/min")
     speed.legend(loc="upper right")
     dq = dq_current(records) / scenario.current_limit_a
