@@ -3,32 +3,24 @@
 
 #include "control/handover.h"
 
-#include "control/fixed.h"
+#include "control/placement.h"
 
-static uint16_t add_count(uint16_t count, uint16_t more) {
-  const uint32_t sum = (uint32_t)count + more;
-  return (sum > UINT16_MAX) ? UINT16_MAX : (uint16_t)sum;
-}
-
-void handover_reset(handover_t *handover, uint16_t crossings, uint8_t late) {
+SMALL_CODE_BEGIN
+void handover_reset(handover_t *handover, uint16_t crossings) {
   handover->crossings = crossings;
-  handover->late = late;
-  handover->clean = 0;
-  handover->plausible = 0;
+  handover->seen = false;
 }
 
-void handover_step(handover_t *handover, uint16_t crossings, uint8_t late, uint32_t interval_cycles,
-                   uint32_t forced_cycles, uint32_t tolerance_q16) {
+bool handover_step(handover_t *handover, uint16_t crossings, uint32_t commutations, uint32_t interval_cycles,
+                   uint32_t least_cycles, uint32_t most_cycles) {
   const uint16_t fresh = (uint16_t)(crossings - handover->crossings);
   if (fresh == 0u) {
-    return;
+    return false;
   }
-  const bool is_late = late != handover->late;
+  const bool follows = fresh > 1u || (handover->seen && commutations == handover->commutation + 1u);
   handover->crossings = crossings;
-  handover->late = late;
-  const uint32_t distance =
-      (interval_cycles > forced_cycles) ? interval_cycles - forced_cycles : forced_cycles - interval_cycles;
-  const bool agrees = ((uint64_t)distance << 16) <= (uint64_t)forced_cycles * tolerance_q16;
-  handover->plausible = agrees ? add_count(handover->plausible, fresh) : 0u;
-  handover->clean = (agrees && !is_late) ? add_count(handover->clean, fresh) : 0u;
+  handover->seen = true;
+  handover->commutation = commutations;
+  return follows && interval_cycles >= least_cycles && interval_cycles <= most_cycles;
 }
+SMALL_CODE_END

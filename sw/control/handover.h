@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0
 
-// Counts crossings that agree with the forced commutation: the test for handing it over to the crossings.
+// Whether the crossings show a rotor that turns with the forced field: the test for handing the commutation to them.
 //
-// A crossing is plausible when its interval lies within a tolerance of the forced interval. Clean crossings are not
-// late either; late ones mean that the rotor leads the forced field by more than 30 degrees, from where the crossing
-// loop still catches it.
+// Two crossings with one commutation between them lie 60 degrees of the rotor apart. A late one, of a rotor that leads the
+// field by more than 30 degrees, came before that commutation: the rotor is the more worth following. One that stands or swings
+// shows no two in a row at a speed near that of the hand-over.
 #ifndef FL_HANDOVER_H
 #define FL_HANDOVER_H
 
@@ -13,17 +13,17 @@
 #include <stdint.h>
 
 typedef struct {
-  uint16_t crossings;  // counter values at the last step
-  uint8_t late;
-  uint16_t clean;      // consecutive plausible crossings that were not late, saturates
-  uint16_t plausible;  // consecutive plausible crossings, late or not, saturates
+  uint16_t crossings;    // counter value at the last step
+  bool seen;             // one since the reset
+  uint32_t commutation;  // count at which the last one came
 } handover_t;
 
-// Start counting from the counters as they are now.
-void handover_reset(handover_t *handover, uint16_t crossings, uint8_t late);
+// Start from the counter as it is now.
+void handover_reset(handover_t *handover, uint16_t crossings);
 
-// Account for the crossings since the last step. tolerance_q16 of the forced interval.
-void handover_step(handover_t *handover, uint16_t crossings, uint8_t late, uint32_t interval_cycles,
-                   uint32_t forced_cycles, uint32_t tolerance_q16);
+// Account for the crossings since the last step. commutations: count of now; interval_cycles: between the last two crossings,
+// least_cycles to most_cycles count. True: two crossings have shown a rotor that turns. About 30 clocks.
+bool handover_step(handover_t *handover, uint16_t crossings, uint32_t commutations, uint32_t interval_cycles,
+                   uint32_t least_cycles, uint32_t most_cycles);
 
 #endif

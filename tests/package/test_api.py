@@ -169,7 +169,7 @@ def test_progress(run: fluxlock.Run, capsys: pytest.CaptureFixture[str]) -> None
     run_checked(fluxlock.scenario_of(OWN, SHORT), True, None, progress=seen.append)
     assert seen[0].phase == "building twin" and len(seen) > 2
     assert all(info.phase == "simulating" and info.t_s > 0.0 for info in seen[1:])  # the first step compiles
-    assert repr(run) == f"<Run of own-spindle: failed: {'; '.join(run.verdict.lines)}>"
+    assert repr(run) == f"<Run of own-spindle: ok: {'; '.join(run.verdict.lines)}>"
 
 
 def test_plot(run: fluxlock.Run) -> None:

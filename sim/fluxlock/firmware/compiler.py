@@ -72,6 +72,10 @@ BALANCE_SHARE_A_TURN = 0.4
 CATCH_SPEED_RATIO = 1.25
 # Line EMF over a diode's drop: below, too much of the terminal voltages is cut off.
 CATCH_DIODES = 3.6
+# A voltage channel that keeps its value for so long, and for so many turns at the lowest speed of catching: a terminal
+# may stay at its rail for half of one.
+STUCK_S = 0.05
+STUCK_TURNS = 1.0
 # Sensor whose edge leads into a sector at positive speed.
 HALL_SENSOR = (2, 1, 0, 2, 1, 0)
 # Hall edges that stay away for so many intervals at the hand-over speed: the rotor is blocked.
@@ -275,13 +279,19 @@ def _commutation(d: Design) -> dict[str, Value]:
 def _coasting(d: Design) -> dict[str, Value]:
     """A rotor that spins: wait until it is slow, or catch it."""
     m, p = d.machine, d.s.motor.pole_pairs
-    catch_v = CATCH_SPEED_RATIO * m.line_emf_peak * p * d.w_handover
+    catch_v = max(
+        CATCH_SPEED_RATIO * m.line_emf_peak * p * d.w_handover,
+        CATCH_DIODES * d.s.inverter.diode_drop_v,
+        40.0 * d.step_v,
+    )
+    turn_s = 2.0 * math.pi * m.line_emf_peak / catch_v
     return {
         "coast_v_q17": d.v_q17(max(m.line_emf_peak * p * d.w_coast, 20.0 * d.step_v)),
         "coast_timeout_ticks": d.ticks(30.0),
         "catch": int(d.s.drive.start.catch),
-        "catch_v_q17": d.v_q17(max(catch_v, CATCH_DIODES * d.s.inverter.diode_drop_v, 40.0 * d.step_v)),
+        "catch_v_q17": d.v_q17(catch_v),
         "catch_speed": gain(60.0 / (2.0**24 * p * d.tick_s) * Q8, "catch_speed"),
+        "stuck_ticks": d.ticks(max(STUCK_S, STUCK_TURNS * turn_s)),
     }
 
 
@@ -299,7 +309,6 @@ def _ramp(d: Design) -> dict[str, Value]:
     return {
         "start_v_q25": max(1, round(d.start_v * d.volt)),
         "start_emf": gain(START_EMF_SHARE * d.machine.k_e * d.volt / RPM_Q8, "start_emf"),
-        "lock_v_q25": max(1, round(0.5 * d.start_v * d.volt)),
         "start_first_cycles": cycles(first_s),
         "start_accel_rpm_q20": max(1, round(d.ramp_rad_s2 * RPM_PER_RAD_S * d.tick_s * Q20)),
     }

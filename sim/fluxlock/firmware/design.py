@@ -28,13 +28,15 @@ RPM_Q8 = RPM_PER_RAD_S * Q8  # speed of 1 rad/s
 
 # Share of the start current's torque that the open-loop ramp asks for: the rest is the margin against load.
 RAMP_TORQUE_SHARE = 0.3
-RAMP_SECTORS_MIN = 10
+RAMP_SECTORS_MIN = 2
 RAMP_STEP_MAX_RPM = 2**31 / Q20 - 1  # what a control tick can add
 INTERVAL_MAX_CYCLES = 0xFFFFFF
 # Amplitude of the floating EMF at the end of a sector, in converter steps, from which crossings are trusted.
 HANDOVER_LSB = 30.0
 HANDOVER_SPEED_SHARE = 0.05
 START_CARRIER_HZ = 8e3
+# Highest speed at which a coasting rotor is shorted, over that of the hand-over: a drive lets go below it.
+COAST_RATIO = 1.25
 # Over-voltage margin used up by braking: the current falls to zero between these shares of supply to trip.
 BRAKE_MARGIN = (0.3, 0.75)
 BANDWIDTH_HZ = 30.0
@@ -198,15 +200,17 @@ class Design:
 
     @cached_property
     def w_coast(self) -> float:
-        """Mechanical speed below which the shorted machine stays under 0.6 of the trip, at most that of the hand-over.
+        """Mechanical speed below which the lower switches may short the machine, at most 1.25 of the hand-over.
 
-        The current of the shorted machine has the limit psi / L: below the trip, any speed will do.
+        Its current stays under 0.6 of the trip and 0.8 of the limit then; it has the bound psi / L: below those, any
+        speed will do.
         """
-        m, current_a = self.machine, 0.6 * self.trip_a
+        m, current_a = self.machine, min(0.6 * self.trip_a, 0.8 * self.s.current_limit_a)
+        most = self.w_handover if self.timing else COAST_RATIO * self.w_handover
         reach = m.psi_vs**2 - (current_a * m.inductance_h) ** 2
         if reach <= 0.0:
-            return self.w_handover
-        return min(self.w_handover, current_a * m.resistance_ohm / math.sqrt(reach) / self.s.motor.pole_pairs)
+            return most
+        return min(most, current_a * m.resistance_ohm / math.sqrt(reach) / self.s.motor.pole_pairs)
 
     # Loops.
     @cached_property

@@ -33,6 +33,11 @@
 #define LAG_MAX_Q16 21845
 // The ramp's last steps.
 #define RAMP_STEP_MIN_Q20 4096
+// Most that the speed of now may differ from the measured one where a place in the sector follows from it.
+#define MOVED_MAX_Q12 1024
+// Share of the speed, by a shift, that the ramp goes in a sector: a crossing follows the one before.
+#define SECTOR_UP_SHIFT 3
+#define SECTOR_DOWN_SHIFT 2
 // Most that the EMF may differ from the file's, and share of it that R I may be where that is looked at.
 #define FLUX_MAX_Q12 512
 #define FLUX_LOOK 8
@@ -106,7 +111,7 @@ HOT static int32_t speed_now_rpm_q8(const regulate_t *r, const measured_t *m) {
   return m->speed_rpm_q8 + r->rotor_rpm_q8 - r->lagged_rpm_q8;
 }
 
-// What the gains and the measured current follow from.
+// What the gains follow from.
 static int32_t scheduled_rpm_q8(const regulate_t *r, const six_step_view_t *view) {
   return is_firm(view->settings) ? speed_now_rpm_q8(r, view->m) : view->m->speed_rpm_q8;
 }
@@ -123,7 +128,7 @@ static void schedule_current(regulate_t *r, const six_step_view_t *view, const p
   const gain_t copper = {p->resistance_low, p->resistance_shift + 8};
   // A sample in the pulse shows the pair's current itself.
   const bool mean = p->sample_mode == SAMPLING_CONTINUOUS;
-  const int32_t emf_v_q25 = is_firm(view->settings) ? emf_now_v_q25(r, view) : view->m->emf_v_q25;
+  const int32_t emf_v_q25 = view->settings->sync_rect ? emf_now_v_q25(r, view) : view->m->emf_v_q25;
   // Two braking currents i give the same power i (E + R i), equal ones at E/2: short of that the voltage says E + R i.
   const int32_t copper_v_q25 = gain_apply(view->m->line_i_q25, copper);
   const int32_t resistive_v_q25 = (copper_v_q25 < -emf_v_q25 / BRAKE_BALANCE) ? pwm->u_v_q25 - emf_v_q25 : copper_v_q25;
@@ -224,6 +229,7 @@ static void schedule_speed(regulate_t *r, const six_step_view_t *view, const pwm
   // Noise of the speed at the lower bound must not become a torque.
   g->noise_i_q25 = gain_apply(view->m->speed_rpm_q8 / SPEED_NOISE, g->speed.kp);
   g->acceleration_i_q25 = gain_apply(view->settings->accel_rpm_q8, inertia);
+  g->sector_rpm_q20 = sat_i32(((int64_t)view->m->speed_rpm_q8 * view->m->place_step_q16) >> 4);
 }
 
 // By how much the flux of the file is wrong, from what the current regulator has added while the speed rests and little of it was
@@ -372,6 +378,8 @@ COLD void regulate_begin(regulate_t *r, pwm_t *pwm, const six_step_view_t *view,
   apply(r, pwm, view, in, pwm->u_v_q25);
 }
 
+void regulate_unload(regulate_t *r) { pi_preset(&r->speed_pi, r->scheduled.speed.kp, 0, 0, 0); }
+
 COLD void regulate_freeze(regulate_t *r) { r->was_frozen = true; }
 
 // Current reference from the speed regulator or the torque target. While the voltage is at a limit, a reference beyond
@@ -455,9 +463,14 @@ typedef struct {
 } spot_t;
 
 SMALL_CODE_BEGIN
-static spot_t spot_of(const measured_t *m) {
-  const int32_t step_q16 = m->place_step_q16;
-  const int32_t y_q16 = m->place_q16 + step_q16 * 3 / 2 - ONE_Q16 / 2;
+static spot_t spot_of(const regulate_t *r, const measured_t *m) {
+  // Sectors are as long as the measured speed says: on a steep ramp a mean over the whole turn is late by 3.5 of them.
+  const int32_t moved_rpm_q8 = r->rotor_rpm_q8 - r->lagged_rpm_q8;
+  const int32_t more_q12 =
+      (moved_rpm_q8 != 0 && !m->speed_short) ? clamp_i32(moved_rpm_q8 * 16 / (m->speed_rpm_q8 / 256 + 1), -MOVED_MAX_Q12, MOVED_MAX_Q12) : 0;
+  const int32_t step_q16 = m->place_step_q16 + m->place_step_q16 * more_q12 / 4096;
+  const int32_t place_q16 = m->place_q16 + m->place_q16 * more_q12 / 4096;
+  const int32_t y_q16 = place_q16 + step_q16 * 3 / 2 - ONE_Q16 / 2;
   const bool next = y_q16 > ONE_Q16 / 2;
   spot_t spot = {m->commutations + (next ? 1u : 0u), 0, 0, 0};
   spot.y_q16 = clamp_i32(y_q16 - (next ? ONE_Q16 : 0), -ONE_Q16 / 2, ONE_Q16 / 2);
@@ -494,7 +507,7 @@ __attribute__((noinline)) static int32_t shape_v_q25(const regulate_t *r, const 
   if (!by_pair && view->m->place_step_q16 > ROUND_STEP_MAX_Q16) {
     return 0;
   }
-  const spot_t spot = spot_of(view->m);
+  const spot_t spot = spot_of(r, view->m);
   const int32_t round_v_q25 = sinusoidal ? rounding_v_q25(emf_v_q25, &spot) : 0;
   return round_v_q25 + (by_pair ? pair_v_q25(r, emf_v_q25, &spot, sinusoidal) : 0);
 }
@@ -570,6 +583,11 @@ static int32_t ending_rpm_q20(int32_t left_rpm_q8, int32_t share_q16) {
   return sat_i32(((int64_t)abs_sat(left_rpm_q8) * share_q16) >> 4);
 }
 
+// The current of a smaller step.
+static int32_t part_i_q25(int32_t current_i_q25, int32_t less_rpm_q20, int32_t step_rpm_q20) {
+  return mul_q16(current_i_q25, less_rpm_q20 / ((step_rpm_q20 >> 12) + 1) * 16);
+}
+
 // A step of the ramp, no steeper than what the load leaves of the current can do. Returns the current that it needs.
 HOT static int32_t follow_target(regulate_t *r, const six_step_view_t *view, int32_t target_rpm_q8) {
   const parameters_t *p = view->p;
@@ -588,11 +606,16 @@ HOT static int32_t follow_target(regulate_t *r, const six_step_view_t *view, int
     step_rpm_q20 = most_rpm_q20;
     current_i_q25 = most_i_q25;
   }
+  const int32_t crossed_rpm_q20 = greater(g->sector_rpm_q20 >> (up ? SECTOR_UP_SHIFT : SECTOR_DOWN_SHIFT), RAMP_STEP_MIN_Q20);
+  if (crossed_rpm_q20 < step_rpm_q20) {
+    current_i_q25 = part_i_q25(current_i_q25, crossed_rpm_q20, step_rpm_q20);
+    step_rpm_q20 = crossed_rpm_q20;
+  }
   const int32_t before_rpm_q8 = r->ramp.value_rpm_q8;
   // The current needs its time to fall: toward its end the ramp is as slow as that.
   const int32_t last_rpm_q20 = is_firm(view->settings) ? ending_rpm_q20(target_rpm_q8 - before_rpm_q8, p->ramp_end_q16) : INT32_MAX;
   if (last_rpm_q20 < step_rpm_q20) {
-    current_i_q25 = mul_q16(current_i_q25, last_rpm_q20 / ((step_rpm_q20 >> 12) + 1) * 16);
+    current_i_q25 = part_i_q25(current_i_q25, last_rpm_q20, step_rpm_q20);
     step_rpm_q20 = greater(last_rpm_q20, RAMP_STEP_MIN_Q20);
   }
   const int32_t direction =
@@ -678,7 +701,7 @@ HOT void regulate_step(regulate_t *r, pwm_t *pwm, const six_step_view_t *view, c
 
 bool regulate_nearly_stopped(const regulate_t *r, const six_step_view_t *view) {
   const int32_t stop_rpm = view->p->stop_rpm;
-  const int32_t speed_rpm_q8 = view->m->speed_rpm_q8;
+  const int32_t speed_rpm_q8 = scheduled_rpm_q8(r, view);
   const bool held = view->settings->sync_rect && view->m->emf_v_q25 < r->scheduled.low_v_q25 / 4 * 5;
   return speed_rpm_q8 < stop_rpm * 256 + stop_rpm * 16 || held;
 }

@@ -14,7 +14,8 @@
 //
 // R(n) is the line resistance plus the commutation drop 3/pi*omega_e*L, t_d the delay of the speed, a mean over an
 // electrical turn: w_b shrinks where that is long. The measured speed is compared with the ramp as it was t_d ago; what the
-// ramp has gone since then is added to the speed that the EMF follows from. The ramp is no steeper than the current allows.
+// ramp has gone since then is added to the speed that the EMF follows from. The ramp is no steeper than the current allows, and
+// goes at most 1/8 of the speed in a sector upward, 1/4 downward.
 // Firm: with sync_rect and correction B the voltage follows the ramp alone and the EMF line holds the rotor. There the
 // rotor is expected behind the ramp by the lag of the current, and the measured speed is compared with that, as it was t_d
 // ago. The ramp ends as the current can fall, and each pair has its own EMF (control/pair_emf.h). The EMF of sinusoidal
@@ -53,6 +54,7 @@ typedef struct {
   int32_t limit_i_q25;      // the lower one of current limit and DC limit
   int32_t resistive_v_q25;  // R * current limit
   int32_t acceleration_i_q25;
+  int32_t sector_rpm_q20;  // step of a ramp that would go all of the speed in a sector
   int32_t noise_i_q25;  // how far below its bound the reference may swing unseen
   boundary_t boundary;  // of the carrier that the settings ask for
   int32_t dead_steep;   // of what dead times take, over the current
@@ -109,6 +111,9 @@ void regulate_prepare(regulate_t *r, const pwm_t *pwm, const six_step_view_t *vi
 
 // Go on from the voltage of now.
 void regulate_begin(regulate_t *r, pwm_t *pwm, const six_step_view_t *view, const regulate_input_t *in);
+
+// After it: what flows accelerates the rotor of a start, none of it is for a load.
+void regulate_unload(regulate_t *r);
 
 // One step toward a target (magnitude). About 950 clocks with what it calls.
 void regulate_step(regulate_t *r, pwm_t *pwm, const six_step_view_t *view, const regulate_input_t *in,

@@ -116,6 +116,9 @@ COLD void six_step_start(six_step_t *six, const order_t *order, const settings_t
   } else if (order->again) {
     hall_resort(&six->hall, six->p);
   }
+  if (order->requested || order->again) {
+    start_let_go(&six->start, 0);
+  }
   start_begin(&six->start, &six->hall, &six->command, six->p, settings);
   take_crossing(six, settings);
 }
@@ -139,8 +142,15 @@ COLD static outcome_t starting_step(six_step_t *six, const six_step_view_t *view
   const regulate_input_t input = regulate_input(six, view->order->tick);
   if (outcome_event(outcome) == EVENT_STARTED) {
     sequence_force_on_miss(&six->command.sequence, true, COMMUTATION_TIMEOUT_Q12);
+    if (six->command.sequence.timer == COMMUTATION_ZCD) {
+      sequence_miss(&six->command.sequence, (uint32_t)six->p->miss_limit);
+    }
     sequence_sample(&six->command.sequence, (uint32_t)six->p->sample_mode);
     regulate_begin(&six->regulate, &six->pwm, view, &input);
+    start_let_go(&six->start, 0);
+    if (six->start.ramps) {
+      regulate_unload(&six->regulate);
+    }
     apply_settings(six, view->settings);
   } else if (start_prepares(&six->start) && six->start.ticks > 0u) {
     regulate_prepare(&six->regulate, &six->pwm, view, &input, six->start.ticks);
@@ -235,8 +245,11 @@ HOT static outcome_t running_step(six_step_t *six, const six_step_view_t *view) 
     return outcome_of(EVENT_HANDED_BACK);
   }
   // Reversal: toward standstill, and through it by a new start.
-  const bool turn = wrong && regulate_nearly_stopped(&six->regulate, view);
-  return turn ? outcome_of(EVENT_REVERSE) : outcome;
+  if (wrong && regulate_nearly_stopped(&six->regulate, view)) {
+    start_let_go(&six->start, six->m.emf_v_q25);
+    return outcome_of(EVENT_REVERSE);
+  }
+  return outcome;
 }
 
 // The edges that commutate have become useless, stay away, as with a blocked rotor, or lead back. The start has its own

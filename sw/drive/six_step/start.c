@@ -7,6 +7,7 @@
 #include "control/placement.h"
 #include "control/speed.h"
 #include "control/startup.h"
+#include "drive/six_step/regulate.h"
 
 #define ALIGN_LEG_FIRST 0u
 #define ALIGN_LEG_SECOND 1u
@@ -23,14 +24,21 @@
 #define SECTOR_WAIT_TICKS 64u
 // Beside two sectors at the hand-over speed.
 #define PROOF_TICKS 32u
-// Hand-over: clean crossings in a row that suffice at once, commutations at its speed after which plausible ones that are
-// late do and after which the attempt has failed, deviation of a plausible interval from the forced one.
-#define HANDOVER_CROSSINGS 6u
-#define HANDOVER_FALLBACK 8u
+// Hand-over: a speed by this factor beside its own counts. Commutations at its speed after which the attempt has failed.
+#define HANDOVER_RANGE 4u
 #define HANDOVER_TIMEOUT 24u
-#define HANDOVER_TOLERANCE_Q16 16384u
-// Crossings at held voltage between hand-over and speed control.
-#define LOCK_CROSSINGS 12u
+// Crossings between hand-over or catch and speed control, edges from standstill to it, and the share of the hand-over speed
+// that a ramp's crossings must show.
+#define LOCK_CROSSINGS 8u
+#define HALL_EDGES 12u
+#define LOCK_SPEED_Q8 192
+// Share of the alignment's limit from which the ramp takes off voltage.
+#define RAMP_CURRENT_X8 5
+// Share of the EMF at which a rotor was let go to be reversed below which it is not caught the wrong way again.
+#define LET_GO_X4 5
+// Time in which the lower switches may brake a rotor, share of the alignment's limit below which it stands.
+#define BRAKE_TICKS 5000u
+#define BRAKED 8
 
 SMALL_CODE_BEGIN
 // What a step works with.
@@ -63,6 +71,7 @@ static void begin_coast(start_t *s) {
   coast_begin(&s->coast);
   s->caught_ticks = 0;
   s->gates = false;
+  s->ramps = false;
   enter_phase(s, START_COAST);
 }
 
@@ -81,6 +90,8 @@ void start_prove(start_t *s, hall_t *h) {
   begin_coast(s);
 }
 
+void start_let_go(start_t *s, int32_t emf_v_q25) { s->let_go_v_q17 = emf_v_q25 / 256 / 4 * LET_GO_X4; }
+
 void start_off(start_t *s) { s->gates = false; }
 
 bool start_prepares(const start_t *s) { return s->phase == START_LOCK || s->phase == START_HALL; }
@@ -90,14 +101,16 @@ uint32_t start_longest_cycles(const start_t *s, const measured_t *m) {
 }
 
 // The forced field lags a lightly loaded rotor by up to 90 degrees, its crossings are late ones then and the next
-// sectors short until the field has caught up. Intervals mean little meanwhile: nothing commutates blindly on them.
+// sectors short until the field has caught up. Intervals mean little meanwhile: nothing commutates blindly on them, and crossings
+// that stay away after a ramp only fail the attempt. With a caught rotor the hardware opens the gates.
 static void begin_lock(const work_t *w) {
   const parameters_t *p = w->view->p;
   sequence_command_t *sequence = &w->command->sequence;
   sequence_time(sequence, COMMUTATION_ZCD);
-  sequence_miss(sequence, (uint32_t)p->miss_limit);
+  sequence_miss(sequence, w->s->ramps ? 0u : (uint32_t)p->miss_limit);
   sequence_force_on_miss(sequence, false, LOCK_TIMEOUT_Q12);
   w->s->locked_from = w->view->m->crossings;
+  w->s->lock_ticks = 0;
   enter_phase(w->s, START_LOCK);
 }
 
@@ -163,6 +176,7 @@ static bool caught_by_edges(const work_t *w) {
   sequence_run(&w->command->sequence, w->command->sequence.start_sector);
   s->catches++;
   s->locked_from = m->crossings;
+  s->lock_ticks = 0;
   enter_phase(s, START_LOCK);
   return true;
 }
@@ -172,6 +186,11 @@ static void begin_precharge(const work_t *w) {
   sequence_legs(&w->command->sequence, LEG_LOW, 0, LEG_LOW);
   apply_voltage(w, 0, true);
   enter_phase(w->s, START_PRECHARGE);
+}
+
+// The lower switches brake a rotor that is slow but turns: what flows tells it.
+static bool still_brakes(const work_t *w) {
+  return w->view->m->motor_q17 > w->view->p->align_limit_q17 / BRAKED && w->s->ticks < BRAKE_TICKS;
 }
 
 static outcome_t judge(const work_t *w, bool calm) {
@@ -214,6 +233,13 @@ static outcome_t coast_by_edges(const work_t *w) {
   return judge(w, w->s->ticks > coast_calm_ticks(view->order) && hall_rotor_slow(w->h, view->p));
 }
 
+// Caught the wrong way, a rotor that was let go to be reversed would be let go again.
+static bool reverses(const work_t *w) {
+  const start_t *s = w->s;
+  const bool wrong = regulate_turns_wrong(w->view->settings, s->coast.mean_step_q32 < 0);
+  return wrong && s->coast.line_emf_q17 < s->let_go_v_q17;
+}
+
 static outcome_t coast(const work_t *w) {
   const six_step_view_t *view = w->view;
   coast_t *c = &w->s->coast;
@@ -226,7 +252,7 @@ static outcome_t coast(const work_t *w) {
     return coast_by_edges(w);
   }
   if (w->s->ticks > COAST_SETTLE_TICKS) {
-    if (coast_caught(c, view->p, view->order, view->settings, view->m->vdc_v_q25)) {
+    if (coast_caught(c, view->p, view->order, view->settings, view->m->vdc_v_q25) && !reverses(w)) {
       follow_caught(w);
       return stay;
     }
@@ -250,10 +276,10 @@ static void align(const work_t *w, uint32_t leg, uint32_t rise_ticks) {
   apply_voltage(w, u, true);
 }
 
-// A load that is stronger than the alignment turns the rotor; the standing voltage would brake it, with a current that grows
-// with its speed. With the gates off it coasts, and is caught. True: let go.
-static bool pulled_out(const work_t *w) {
-  const bool over = w->view->m->motor_q17 > w->view->p->align_limit_q17;
+// A load that is stronger than the alignment or the short of the lower switches turns the rotor, which they brake with a current
+// that grows with its speed. With the gates off it coasts, and is caught. True: let go.
+static bool pulled_out(const work_t *w, int32_t limit_q17) {
+  const bool over = w->view->m->motor_q17 > limit_q17;
   w->s->pulled_ticks = over ? w->s->pulled_ticks + 1u : 0u;
   return w->s->pulled_ticks >= ALIGN_PULLED_TICKS;
 }
@@ -277,6 +303,19 @@ static void choose_acceleration(start_t *s, const parameters_t *p, const order_t
   s->accel_rpm_q20 = (p->start_accel_rpm_q20 >> halvings) | 1;
 }
 
+// The ramp's voltage goes on with the speed that a rotor in step has by now. A rotor out of step opposes it with less than its
+// EMF, or adds it: what flows beyond 5/4 of the start current takes off what it drops in the copper.
+static void apply_ramp(const work_t *w) {
+  const parameters_t *p = w->view->p;
+  start_t *s = w->s;
+  const int32_t end_rpm_q8 = p->handover_rpm * 256;
+  const gain_t copper = {p->resistance_low, p->resistance_shift + 8};
+  (void)ramp_step(&s->ramp, end_rpm_q8, s->accel_rpm_q20, end_rpm_q8, end_rpm_q8);
+  const int32_t over_q17 = clamp_i32(w->view->m->motor_q17 - p->align_limit_q17 / 8 * RAMP_CURRENT_X8, 0, SAMPLE_MAX_Q17);
+  const int32_t u = p->start_v_q25 + gain_apply(s->ramp.value_rpm_q8, p->start_emf) - gain_apply(over_q17 * 256, copper);
+  apply_voltage(w, clamp_i32(u, 0, INT32_MAX), true);
+}
+
 // First forced sector: the update that switches the sequencer also starts the forced timer.
 static void begin_ramp(const work_t *w) {
   start_t *s = w->s;
@@ -290,9 +329,10 @@ static void begin_ramp(const work_t *w) {
   sequence_never_back(sequence);
   s->held_from = UINT32_MAX;
   s->interval_for = UINT32_MAX;
-  handover_reset(&s->handover, 0, 0);
+  handover_reset(&s->handover, 0);
   ramp_preset(&s->ramp, 0);
   apply_voltage(w, w->view->p->start_v_q25, true);
+  s->ramps = true;
   enter_phase(s, START_RAMP);
 }
 
@@ -301,45 +341,29 @@ static outcome_t ramp(const work_t *w) {
   const measured_t *m = w->view->m;
   const chip_snapshot_t *in = w->view->in;
   start_t *s = w->s;
-  const int32_t end_rpm_q8 = p->handover_rpm * 256;
-  const uint32_t forced_before = w->command->sequence.forced_interval_cycles;
 
   // The interval written now is used by the commutation after the pending one.
-  uint32_t interval = (uint32_t)p->handover_interval_cycles;
-  if (s->held_from == UINT32_MAX && m->commutations == s->interval_for) {
-    interval = forced_before;
-  } else if (s->held_from == UINT32_MAX) {
+  const uint32_t end_cycles = (uint32_t)p->handover_interval_cycles;
+  if (s->held_from == UINT32_MAX && m->commutations != s->interval_for) {
     s->interval_for = m->commutations;
-    const uint32_t accelerating = forced_interval_cycles(s->first_cycles, m->commutations);
-    if (accelerating > interval) {
-      interval = accelerating;
-    } else {
-      s->held_from = m->commutations;
-    }
+    const uint32_t accelerating_cycles = forced_interval_cycles(s->first_cycles, m->commutations);
+    s->held_from = (accelerating_cycles > end_cycles) ? UINT32_MAX : m->commutations;
+    sequence_force(&w->command->sequence, (accelerating_cycles > end_cycles) ? accelerating_cycles : end_cycles);
   }
-  sequence_force(&w->command->sequence, interval);
+  apply_ramp(w);
 
-  (void)ramp_step(&s->ramp, end_rpm_q8, s->accel_rpm_q20, end_rpm_q8, end_rpm_q8);
-  const int32_t u = p->start_v_q25 + gain_apply(s->ramp.value_rpm_q8, p->start_emf);
-  apply_voltage(w, u, true);
-
-  if (s->held_from == UINT32_MAX) {
-    handover_reset(&s->handover, in->crossings, in->late);
+  const bool shown = handover_step(&s->handover, (uint16_t)m->crossings, m->commutations, in->zc_interval_cycles,
+                                   end_cycles / HANDOVER_RANGE, end_cycles * HANDOVER_RANGE);
+  if (shown) {
+    begin_lock(w);
     return stay;
   }
-  handover_step(&s->handover, in->crossings, in->late, in->zc_interval_cycles, forced_before, HANDOVER_TOLERANCE_Q16);
-  const uint32_t held = m->commutations - s->held_from;
-  const bool late = held >= HANDOVER_FALLBACK && s->handover.plausible >= HANDOVER_CROSSINGS;
-  if (s->handover.clean >= HANDOVER_CROSSINGS || late) {
-    apply_voltage(w, p->lock_v_q25 + gain_apply(p->handover_rpm * 256, p->emf), true);
-    begin_lock(w);
-  } else if (held >= HANDOVER_TIMEOUT) {
-    return outcome_of(EVENT_START_FAILED);
-  }
-  return stay;
+  const bool late = s->held_from != UINT32_MAX && m->commutations - s->held_from >= HANDOVER_TIMEOUT;
+  return outcome_of(late ? EVENT_START_FAILED : EVENT_STAY);
 }
 
-// Crossings commutate at held voltage until the period consists of them alone.
+// Crossings commutate until the period consists of them alone: at the voltage of the ramp, which goes on to its end, or at that
+// of the EMF of a caught rotor.
 static outcome_t lock(const work_t *w) {
   const parameters_t *p = w->view->p;
   const measured_t *m = w->view->m;
@@ -348,13 +372,23 @@ static outcome_t lock(const work_t *w) {
   if (m->speed_valid && crossings && pwm_is_outrun(w->pwm, m->emf_v_q25, 0)) {
     return outcome_of(EVENT_START_FAILED);
   }
+  if (s->ramps) {
+    apply_ramp(w);
+    if (w->view->in->misses >= p->miss_limit) {
+      return outcome_of(EVENT_START_FAILED);
+    }
+  }
   // Gains that were prepared before the first speed are those of a standing rotor.
   s->valid_ticks = m->speed_valid ? s->valid_ticks + 1u : 0u;
   const bool enough = m->crossings - s->locked_from >= LOCK_CROSSINGS && s->valid_ticks > START_PREPARE_TICKS;
-  if (enough && m->speed_rpm_q8 > p->handover_rpm * 128 && m->speed_rpm_q8 / 256 < p->overspeed_rpm) {
+  const bool driven = !s->ramps || m->emf_v_q25 / 4 * 3 < w->pwm->u_v_q25;
+  const bool fast = m->speed_rpm_q8 > p->handover_rpm * LOCK_SPEED_Q8 && m->speed_rpm_q8 / 256 < p->overspeed_rpm;
+  if (enough && driven && fast) {
     return outcome_of(EVENT_STARTED);
   }
-  return outcome_of((s->ticks > (uint32_t)p->lock_timeout_ticks) ? EVENT_START_FAILED : EVENT_STAY);
+  const bool ended = !s->ramps || s->ramp.value_rpm_q8 >= p->handover_rpm * 256;
+  s->lock_ticks += ended ? 1u : 0u;
+  return outcome_of((s->lock_ticks > (uint32_t)p->lock_timeout_ticks) ? EVENT_START_FAILED : EVENT_STAY);
 }
 
 // From standstill by the edges: the sensors' sector pulls at once, its edges commutate.
@@ -403,7 +437,7 @@ static outcome_t hall(const work_t *w) {
   const int32_t speed_rpm_q8 =
       (interval > 0u) ? speed_from_period_rpm_q8(m->speed_numerator_q8, 6u * interval) : 0;
   apply_voltage(w, p->start_v_q25 + gain_apply(speed_rpm_q8, p->start_emf), true);
-  const bool enough = w->h->edge_count - s->locked_from > LOCK_CROSSINGS &&
+  const bool enough = w->h->edge_count - s->locked_from > HALL_EDGES &&
                       s->ticks > START_PREPARE_TICKS && interval > 0u && m->speed_valid;
   if (enough && m->speed_rpm_q8 > p->handover_rpm * 256) {
     return outcome_of(EVENT_STARTED);
@@ -422,7 +456,10 @@ COLD outcome_t start_step(start_t *s, hall_t *h, pwm_t *pwm, six_step_command_t 
     case START_COAST:
       return coast(w);
     case START_PRECHARGE:
-      if (s->ticks < (uint32_t)p->precharge_ticks) {
+      if (pulled_out(w, view->settings->current_limit_q17)) {
+        return outcome_of(EVENT_PULLED_OUT);
+      }
+      if (s->ticks < (uint32_t)p->precharge_ticks || still_brakes(w)) {
         break;
       }
       if (view->order->suspected && s->coast.verdict == WINDING_UNKNOWN) {
@@ -440,7 +477,7 @@ COLD outcome_t start_step(start_t *s, hall_t *h, pwm_t *pwm, six_step_command_t 
       }
       break;
     case START_ALIGN_FIRST:
-      if (pulled_out(w)) {
+      if (pulled_out(w, p->align_limit_q17)) {
         return outcome_of(EVENT_PULLED_OUT);
       }
       align(w, ALIGN_LEG_FIRST, (uint32_t)p->align_ramp_ticks);
@@ -449,7 +486,7 @@ COLD outcome_t start_step(start_t *s, hall_t *h, pwm_t *pwm, six_step_command_t 
       }
       break;
     case START_ALIGN_SECOND:
-      if (pulled_out(w)) {
+      if (pulled_out(w, p->align_limit_q17)) {
         return outcome_of(EVENT_PULLED_OUT);
       }
       align(w, ALIGN_LEG_SECOND, 0);

@@ -30,9 +30,12 @@ typedef struct {
   uint32_t held_from;  // commutation count at which the hand-over speed was reached; UINT32_MAX before
   uint32_t first_cycles;  // of this attempt's ramp
   int32_t accel_rpm_q20;
+  bool ramps;           // the voltage is that of the ramp
+  uint32_t lock_ticks;  // of the lock, after the ramp's end
   uint32_t valid_ticks;     // of the lock, in which the gains are prepared for a measured speed
   uint32_t locked_from;     // crossing count at hand-over; edge count at the beginning of a start by Hall
   uint32_t longest_cycles;  // carrier period of a caught rotor until its speed is measured
+  int32_t let_go_v_q17;  // EMF below which a rotor is not caught the wrong way; 0: it was not let go to be reversed
   uint32_t catches;         // rotors caught since boot
 } start_t;
 
@@ -42,6 +45,9 @@ void start_off(start_t *s);
 
 // Let a rotor that runs by its edges coast, to prove them; then it is caught.
 void start_prove(start_t *s, hall_t *h);
+
+// The rotor is about to be let go, at this EMF, to be started the other way.
+void start_let_go(start_t *s, int32_t emf_v_q25);
 
 // One step while starting. EVENT_STARTED when the crossings, or the edges, hold the rotor.
 outcome_t start_step(start_t *s, hall_t *h, pwm_t *pwm, six_step_command_t *command, const six_step_view_t *view);
