@@ -146,15 +146,16 @@ def core_load(trace: Path, program: Program, whole: Folded, span: tuple[int, int
     """Share of the clocks that are not the main loop's, as the firmware finds it (`get idle`, sw/app/app.c).
 
     A round of the main loop counts with what it takes when nothing interrupts it. So the load has all interrupts, what
-    they leave to the loop, such as lines of the cache to fetch anew, and the loop's answers on the console.
+    they leave to the loop, such as lines of the cache to fetch anew, and the loop's answers on the console, that with
+    which the span begins too.
     """
     rounds = _rounds(np.fromfile(trace, ROW), program)
-    if span is not None:
-        rounds = rounds[(rounds >= span[0]) & (rounds <= span[1])]
+    begin, end = span or (int(rounds[0]), int(rounds[-1]))
+    rounds = rounds[(rounds >= begin) & (rounds <= end)]
     begins = whole.visits["begin"][whole.visits["depth"] == 0]
     lengths = np.diff(rounds)
     quiet = lengths[np.histogram(begins, rounds)[0] == 0]
-    return 1.0 - len(lengths) * float(np.median(quiet)) / float(rounds[-1] - rounds[0])
+    return 1.0 - len(lengths) * float(np.median(quiet)) / float(end - begin)
 
 
 def _rounds(rows: NDArray[Any], program: Program) -> NDArray[np.int64]:
