@@ -44,7 +44,7 @@ def test_forced_intervals_accelerate_evenly(lib: CData) -> None:
 
 
 def test_handover_takes_two_crossings_that_follow_each_other(lib: CData) -> None:
-    """One commutation between them and a speed within the bounds; nothing else hands over; counters wrap.
+    """One commutation between them, or both of one tick, and a speed within the bounds; nothing else; counters wrap.
 
     Verifies: FW-11
     """

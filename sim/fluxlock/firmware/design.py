@@ -28,6 +28,7 @@ RPM_Q8 = RPM_PER_RAD_S * Q8  # speed of 1 rad/s
 
 # Share of the start current's torque that the open-loop ramp asks for: the rest is the margin against load.
 RAMP_TORQUE_SHARE = 0.3
+# Fewest sectors in which it reaches the hand-over speed.
 RAMP_SECTORS_MIN = 2
 RAMP_STEP_MAX_RPM = 2**31 / Q20 - 1  # what a control tick can add
 INTERVAL_MAX_CYCLES = 0xFFFFFF
