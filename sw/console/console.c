@@ -109,6 +109,9 @@ static const char *command_faults(const app_t *app) {
   console_put("now ");
   console_put(fault_name(app->drive.fault));
   console_put("\n");
+  if (app->drive.fault == FAULT_START_FAILED) {
+    (void)items_print(app, &console.line, "phase");
+  }
   for (uint32_t i = 0; i < shown; i++) {
     const fault_entry_t *entry = &log->entry[(log->count - 1u - i) % FAULT_LOG_LENGTH];
     console_put("fault ");

@@ -189,6 +189,9 @@ static const char *value_text(const app_t *app, item_t item, char *text) {
     case ITEM_STATE:
       return drive_state_name(d->order.state);
     case ITEM_PHASE:
+      if (d->fault == FAULT_START_FAILED) {
+        return drive_phase_name(d->failed_phase);
+      }
       return (d->order.state == STATE_STARTING) ? drive_phase_name(d->report->phase) : "none";
     case ITEM_FAULT:
       return fault_name(d->fault);

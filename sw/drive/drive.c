@@ -157,6 +157,7 @@ COLD static void follow(drive_t *drive, outcome_t outcome) {
       break;
     case ATTEMPT:
       order->pulled_out = event == EVENT_PULLED_OUT;
+      drive->failed_phase = drive->report->phase;
       if (!again(drive, &order->failed_starts, p->start_retries)) {
         fault = (fault != FAULT_NONE) ? fault : FAULT_START_FAILED;
         action = FAIL;

@@ -43,6 +43,7 @@ typedef struct {
   fault_t fault;
   fault_log_t log;
   uint32_t lost_locks;  // since boot
+  phase_t failed_phase;  // in which the last failed attempt at a start ended
   supervise_t supervise;
   protect_t protect;
   guard_command_t guard;

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -270,4 +271,5 @@ def test_blocked_rotor(name: str, overrides: tuple[str, ...]) -> None:
     assert run.gates()[-1, 1] == 0
     unexpected = run.scenario.model_copy(update={"expect_fault": None})
     verdict = judge_run(run.data, unexpected, run.analysis, run.metrics)
-    assert verdict.failures == ["the drive ended in fault start_failed"]
+    named = r"the drive ended in fault start_failed: its last attempt failed in (ramp|lock)"
+    assert len(verdict.failures) == 1 and re.fullmatch(named, verdict.failures[0])

@@ -215,6 +215,14 @@ def test_swinging_speed_is_named() -> None:
             'console at 0.012000 s: "start" was rejected: no reply',
         ),
         ({"uart": ["state fault", "fault start_failed", "ok"]}, "the drive ended in fault start_failed"),
+        (
+            {"uart": ["phase ramp", "ok", "fault start_failed", "ok", "now start_failed", "phase lock", "ok"]},
+            "the drive ended in fault start_failed: its last attempt failed in lock",
+        ),
+        (
+            {"uart": ["fault overspeed", "ok", "now overspeed", "fault overspeed tick 7", "ok", "phase none"]},
+            "the drive ended in fault overspeed",
+        ),
         ({"log": np.zeros((0, 4), np.int64)}, "the drive has reported no state: its program did not run"),
     ],
 )

@@ -133,6 +133,12 @@ class RunData:
         named = [line.removeprefix("fault ").strip() for line in self.uart if re.fullmatch(r"fault \w+\s*", line)]
         return named[-1] if named and named[-1] != "none" else None
 
+    @property
+    def failed_phase(self) -> str | None:
+        """Phase in which the last attempt at a start failed, by the last reply to `faults`; None: fault is another."""
+        found = re.findall(r"^now (\w+)\s*(?:phase (\w+))?", "\n".join(self.uart), re.MULTILINE)
+        return found[-1][1] or None if found else None
+
     def rows(self, kind: LogKind) -> IntArray:
         """Log rows of one kind."""
         found: IntArray = self.log[self.log[:, 1] == int(kind)]

@@ -467,16 +467,19 @@ def trip_failures(trip_list: list[dict[str, Any]], expected_trips: list[Any]) ->
     return lines + [f"expected trip did not happen: {cause}" for cause in expected_trips if cause not in seen]
 
 
-def fault_failures(fault: str | None, trip_list: list[dict[str, Any]], expected: str | None) -> list[str]:
+def fault_failures(
+    fault: str | None, trip_list: list[dict[str, Any]], expected: str | None, phase: str | None = None
+) -> list[str]:
     """A fault in which the drive ended and that was not expected, and an expected one that is not there.
 
     A fault that a trip of the run means is judged with the trip. A lost lock alone is no end: the drive starts again.
+    phase: of the start, in which its last attempt failed.
     """
     causes = {cause for trip in trip_list for cause in str(trip["cause"]).split("+")} - {"lost_lock"}
     missing = expected is not None and fault != expected
     lines = [f"expected fault is not there at the end: {expected}"] if missing else []
     if fault is not None and fault != expected and fault not in map(trip_fault, causes):
-        lines.append(f"the drive ended in fault {fault}")
+        lines.append(f"the drive ended in fault {fault}" + (f": its last attempt failed in {phase}" if phase else ""))
     return lines
 
 
@@ -549,10 +552,11 @@ def judge_run(
     def left(findings: list[Finding]) -> list[str]:
         return [f.line for f in findings if open_(f.kind, f.window)]
 
+    faults = fault_failures(data.fault, trip_list, scenario.expect_fault, data.failed_phase)
     causes = [
         *([f"simulation: {broken}"] if broken else []),
         *left([Finding("trip", line) for line in trip_failures(trip_list, scenario.expect_trip)]),
-        *left([Finding("fault", line) for line in fault_failures(data.fault, trip_list, scenario.expect_fault)]),
+        *left([Finding("fault", line) for line in faults]),
         *left(rejected_findings(data.rejected)),
     ]
     spans: list[Span] = []
