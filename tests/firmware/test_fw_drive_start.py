@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from fluxlock.config import Inverter, Load, Motor
+from fluxlock.firmware.design import Design
 from fluxlock.native import averaged_motor as am
 from tests.firmware import machines
 from tests.firmware.firmware_bench import FAN_1, OTHERS, Bench
@@ -249,3 +250,63 @@ def test_ramp_hands_over_whatever_the_inertia(share: float, flux: float) -> None
     bench.run(0.5)
     assert bench.model.rpm == pytest.approx(40_000, rel=0.005)
     assert bench.trips == 0
+
+
+def test_last_failed_attempt_is_named_by_its_phase() -> None:
+    """A rotor that stands from the hand-over on: after the last attempt `phase` and `faults` say where it failed.
+
+    Verifies: FW-20
+    """
+    bench = Bench(drive=machines.drive(start={"retries": 0}))
+    assert bench.until_state("ready", 0.1)
+    assert bench.fw.command("get phase") == ["phase none", "ok"]
+    bench.fw.command("set speed_rpm 20000")
+    bench.fw.command("start")
+    assert bench.run(1.0, lambda: bench.fw.phase == "lock")
+    bench.model.m[am.M_LOCKED] = 1.0
+    assert bench.until_state("fault", 0.5)
+    assert bench.fw.command("get phase") == ["phase lock", "ok"]
+    assert bench.fw.command("faults")[:2] == ["now start_failed", "phase lock"]
+    bench.fw.command("clear")
+    assert bench.until_state("ready", 0.1)
+    assert bench.fw.command("get phase") == ["phase none", "ok"]
+
+
+@pytest.mark.parametrize(("share", "patience"), [(1.0, 1.5), (0.9, 1.5), (0.8, 3.0), (0.55, 3.0), (0.45, 6.0)])
+def test_patience_with_a_crossing_follows_the_mean_interval(share: float, patience: float) -> None:
+    """Slow crossings: after an interval that is short beside the mean one the drive waits for more of them.
+
+    Verifies: FW-20
+    """
+    bench = Bench()
+    bench.start(8_000)
+    bench.run(1.0)
+    s, c = bench.model.s, bench.model.c
+    assert c[am.C_TIMEOUT] == 1.5
+    # A tick or two after a crossing: the next one is far away.
+    crossings = s[am.CROSSINGS]
+    assert bench.run(0.01, lambda: s[am.CROSSINGS] > crossings)
+    s[am.INTERVAL] *= share
+    bench.step()
+    bench.step()
+    assert s[am.CROSSINGS] == crossings + 1
+    assert c[am.C_TIMEOUT] == patience
+
+
+def test_ramp_yields_where_little_resistance_lets_much_flow() -> None:
+    """A load holds the rotor of a motor that one volt turns fast: the ramp's voltage grows, not so the current.
+
+    Verifies: FW-15
+    """
+    bench = Bench()
+    assert bench.until_state("ready", 0.1)
+    bench.fw.command("set speed_rpm 20000")
+    bench.fw.command("start")
+    assert bench.run(1.0, lambda: bench.fw.phase == "ramp")
+    bench.model.m[am.M_LOCKED] = 1.0
+    largest_a = 0.0
+    while bench.fw.phase in ("ramp", "lock"):
+        bench.step()
+        largest_a = max(largest_a, abs(bench.model.s[am.I_LINE]))
+    start_a = Design(bench.scenario).start_a
+    assert start_a < largest_a < 2.0 * start_a

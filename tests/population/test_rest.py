@@ -28,7 +28,7 @@ SEED, JUDGED = 1, 4
 
 @pytest.mark.parametrize(
     ("method", "index"),
-    [*(("six-step", index) for index in (0, 4, 8, 14, 18, 38, 41, 58)), ("vector", 3), ("vector", 5)],
+    [*(("six-step", index) for index in (0, 4, 8, 14, 18, 38, 41, 58, 63, 234, 274)), ("vector", 3), ("vector", 5)],
 )
 def test_machines_start_from_rest_and_reverse(method: Method, index: int) -> None:
     """Machines that nobody tuned for, each way, within the limit of the current.

@@ -87,6 +87,11 @@ void sequence_align(sequence_command_t *c, uint32_t commutation) {
   c->commutation = commutation;
 }
 
+void sequence_wait(sequence_command_t *c, uint32_t timeout_q12) {
+  c->fresh = c->fresh || c->timeout_q12 != timeout_q12;
+  c->timeout_q12 = timeout_q12;
+}
+
 void sequence_rectify(sequence_command_t *c, bool sync_rect) {
   c->fresh = c->fresh || c->sync_rect != sync_rect;
   c->sync_rect = sync_rect;

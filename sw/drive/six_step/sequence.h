@@ -30,6 +30,8 @@ void sequence_force(sequence_command_t *c, uint32_t interval_cycles);
 // after the timeout all the same.
 void sequence_miss(sequence_command_t *c, uint32_t miss_limit);
 void sequence_force_on_miss(sequence_command_t *c, bool forced, uint32_t timeout_q12);
+// The timeout alone, in the last interval.
+void sequence_wait(sequence_command_t *c, uint32_t timeout_q12);
 
 void sequence_sample(sequence_command_t *c, uint32_t sampling);
 void sequence_pattern(sequence_command_t *c, const settings_t *settings);

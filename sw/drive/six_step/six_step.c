@@ -6,6 +6,8 @@
 #include "control/fixed.h"
 #include "control/placement.h"
 
+// Sectors that are longer are seen one by one.
+#define SLOW_TICKS 4u
 #define MISSES_BEFORE_TRIP 2u
 // 5 ms at 10 kHz, looked at every fourth tick.
 #define OUTRUN_TICKS 50u
@@ -194,6 +196,19 @@ HOT static void align(six_step_t *six, const settings_t *settings) {
   sequence_align(sequence, runs_on ? COMMUTATION_NSC : settings->commutation);
 }
 
+// Unequal phases make slow crossings uneven, and a long interval follows a short one. The hardware's patience is 1.5 times the
+// last interval: it becomes more than 1.3 times the mean one.
+HOT static void wait_for_crossing(six_step_t *six, const chip_snapshot_t *in) {
+  const uint32_t mean_cycles = six->m.sector_cycles;
+  sequence_command_t *sequence = &six->command.sequence;
+  uint32_t shift = 0;
+  if (sequence->timer == COMMUTATION_ZCD && mean_cycles > SLOW_TICKS * (uint32_t)six->p->tick_cycles) {
+    const uint32_t last_cycles = in->zc_interval_cycles;
+    shift = (last_cycles < mean_cycles / 2u) ? 2u : (last_cycles < mean_cycles / 8u * 7u) ? 1u : 0u;
+  }
+  sequence_wait(sequence, COMMUTATION_TIMEOUT_Q12 << shift);
+}
+
 HOT static void regulate(six_step_t *six, const six_step_view_t *view, int32_t target_rpm_q8) {
   if (view->settings->freeze && view->order->state == STATE_RUNNING) {
     regulate_freeze(&six->regulate);
@@ -203,6 +218,7 @@ HOT static void regulate(six_step_t *six, const six_step_view_t *view, int32_t t
     apply_settings(six, view->settings);
   }
   align(six, view->settings);
+  wait_for_crossing(six, view->in);
   const regulate_input_t input = regulate_input(six, view->order->tick);
   regulate_step(&six->regulate, &six->pwm, view, &input, target_rpm_q8);
 }

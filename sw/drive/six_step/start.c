@@ -24,8 +24,10 @@
 #define SECTOR_WAIT_TICKS 64u
 // Beside two sectors at the hand-over speed.
 #define PROOF_TICKS 32u
-// Hand-over: a speed by this factor beside its own counts. Commutations at its speed after which the attempt has failed.
+// Hand-over: a speed by this factor beside its own counts, with a late crossing a slower one by that. Commutations at its speed
+// after which the attempt has failed.
 #define HANDOVER_RANGE 4u
+#define LATE_RANGE 2u
 #define HANDOVER_TIMEOUT 24u
 // Crossings between hand-over or catch and speed control, edges from standstill to it, and the share of the hand-over speed
 // that a ramp's crossings must show.
@@ -304,15 +306,16 @@ static void choose_acceleration(start_t *s, const parameters_t *p, const order_t
 }
 
 // The ramp's voltage goes on with the speed that a rotor in step has by now. A rotor out of step opposes it with less than its
-// EMF, or adds it: what flows beyond 5/4 of the start current takes off what it drops in the copper.
+// EMF, or adds it, where little resistance lets much flow: what flows beyond 5/4 of the start current takes off four times what it
+// drops in the copper.
 static void apply_ramp(const work_t *w) {
   const parameters_t *p = w->view->p;
   start_t *s = w->s;
   const int32_t end_rpm_q8 = p->handover_rpm * 256;
-  const gain_t copper = {p->resistance_low, p->resistance_shift + 8};
+  const gain_t copper_x4 = {p->resistance_low, p->resistance_shift + 6};
   (void)ramp_step(&s->ramp, end_rpm_q8, s->accel_rpm_q20, end_rpm_q8, end_rpm_q8);
   const int32_t over_q17 = clamp_i32(w->view->m->motor_q17 - p->align_limit_q17 / 8 * RAMP_CURRENT_X8, 0, SAMPLE_MAX_Q17);
-  const int32_t u = p->start_v_q25 + gain_apply(s->ramp.value_rpm_q8, p->start_emf) - gain_apply(over_q17 * 256, copper);
+  const int32_t u = p->start_v_q25 + gain_apply(s->ramp.value_rpm_q8, p->start_emf) - gain_apply(over_q17 * 256, copper_x4);
   apply_voltage(w, clamp_i32(u, 0, INT32_MAX), true);
 }
 
@@ -352,14 +355,17 @@ static outcome_t ramp(const work_t *w) {
   }
   apply_ramp(w);
 
+  // The interval to a late one is the forced one's.
+  const uint32_t most = (in->late == s->late_seen) ? HANDOVER_RANGE : LATE_RANGE;
+  s->late_seen = in->late;
   const bool shown = handover_step(&s->handover, (uint16_t)m->crossings, m->commutations, in->zc_interval_cycles,
-                                   end_cycles / HANDOVER_RANGE, end_cycles * HANDOVER_RANGE);
+                                   end_cycles / HANDOVER_RANGE, end_cycles * most);
   if (shown) {
     begin_lock(w);
     return stay;
   }
-  const bool late = s->held_from != UINT32_MAX && m->commutations - s->held_from >= HANDOVER_TIMEOUT;
-  return outcome_of(late ? EVENT_START_FAILED : EVENT_STAY);
+  const bool over = s->held_from != UINT32_MAX && m->commutations - s->held_from >= HANDOVER_TIMEOUT;
+  return outcome_of(over ? EVENT_START_FAILED : EVENT_STAY);
 }
 
 // Crossings commutate until the period consists of them alone: at the voltage of the ramp, which goes on to its end, or at that

@@ -25,6 +25,7 @@ typedef struct {
   uint32_t caught_ticks;  // consecutive, of a rotor that may be caught: waits for the beginning of a sector
   uint32_t pulled_ticks;  // consecutive, while aligning: a load turns the rotor
   handover_t handover;
+  uint32_t late_seen;  // late crossings of the ramp, modulo 2^8
   ramp_t ramp;
   uint32_t interval_for;  // commutation count for which the forced interval was computed
   uint32_t held_from;  // commutation count at which the hand-over speed was reached; UINT32_MAX before
