@@ -46,7 +46,6 @@ void comm_write_sequence(const sequence_command_t *command) {
                                    FIELD(FL_COMM_REGS__CONTROL__CORRECTION_A, crossing.correction_a ? 1 : 0) |
                                    FIELD(FL_COMM_REGS__CONTROL__HALL_TIMED, 1) |
                                    FIELD(FL_COMM_REGS__CONTROL__MISS_LIMIT, command->miss_limit));
-  reg_write(REG(comm.timeout), command->timeout_q12);
   reg_write(REG(comm.forced_interval), command->forced_interval_cycles);
 }
 SMALL_CODE_END
@@ -54,4 +53,5 @@ SMALL_CODE_END
 HOT void comm_write_loop(const loop_command_t *command) {
   reg_write(REG(comm.delay), FIELD(FL_COMM_REGS__DELAY__INTERVAL_Q16, COMMUTATION_DELAY_Q16) |
                                  FIELD(FL_COMM_REGS__DELAY__ADVANCE_Q16, (uint32_t)command->advance_q16 & 0xFFFFu));
+  reg_write(REG(comm.timeout), command->timeout_q12);
 }

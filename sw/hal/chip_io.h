@@ -147,7 +147,6 @@ typedef struct {
   uint32_t forced_interval_cycles;
   uint32_t miss_limit;  // 0: a lost lock is not reported
   bool force_on_miss;   // commutate after a timeout
-  uint32_t timeout_q12;
   bool fresh;
 } sequence_command_t;
 
@@ -157,6 +156,7 @@ typedef struct {
   uint32_t pulse_cycles_q8;
   int32_t advance_q16;
   uint32_t peak_q17;  // amplitude of the open terminal about its threshold; 0: unknown
+  uint32_t timeout_q12;  // patience with a crossing after a commutation, in the last interval
 } loop_command_t;
 
 // Thresholds of the crossings by sector. read: the next snapshot shall have the sectors' intervals.

@@ -15,7 +15,6 @@ COLD void sequence_init(sequence_command_t *c, const settings_t *settings) {
   c->crossing = settings->crossing;
   c->commutation = settings->commutation;
   c->pattern = settings->pattern;
-  c->timeout_q12 = COMMUTATION_TIMEOUT_Q12;
 }
 
 COLD void sequence_off(sequence_command_t *c) {
@@ -66,9 +65,8 @@ COLD void sequence_miss(sequence_command_t *c, uint32_t miss_limit) {
   c->fresh = true;
 }
 
-COLD void sequence_force_on_miss(sequence_command_t *c, bool forced, uint32_t timeout_q12) {
+COLD void sequence_force_on_miss(sequence_command_t *c, bool forced) {
   c->force_on_miss = forced;
-  c->timeout_q12 = timeout_q12;
   c->fresh = true;
 }
 
@@ -85,11 +83,6 @@ COLD void sequence_pattern(sequence_command_t *c, const settings_t *settings) {
 void sequence_align(sequence_command_t *c, uint32_t commutation) {
   c->fresh = c->fresh || c->commutation != commutation;
   c->commutation = commutation;
-}
-
-void sequence_wait(sequence_command_t *c, uint32_t timeout_q12) {
-  c->fresh = c->fresh || c->timeout_q12 != timeout_q12;
-  c->timeout_q12 = timeout_q12;
 }
 
 void sequence_rectify(sequence_command_t *c, bool sync_rect) {

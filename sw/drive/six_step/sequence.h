@@ -29,9 +29,7 @@ void sequence_force(sequence_command_t *c, uint32_t interval_cycles);
 // Missed crossings: after `miss_limit` of them the hardware reports a lost lock, 0: it does not; forced: it commutates
 // after the timeout all the same.
 void sequence_miss(sequence_command_t *c, uint32_t miss_limit);
-void sequence_force_on_miss(sequence_command_t *c, bool forced, uint32_t timeout_q12);
-// The timeout alone, in the last interval.
-void sequence_wait(sequence_command_t *c, uint32_t timeout_q12);
+void sequence_force_on_miss(sequence_command_t *c, bool forced);
 
 void sequence_sample(sequence_command_t *c, uint32_t sampling);
 void sequence_pattern(sequence_command_t *c, const settings_t *settings);

@@ -44,6 +44,7 @@ COLD void six_step_init(six_step_t *six, const parameters_t *p, const settings_t
   pwm_off(&six->pwm, p);
   regulate_init(&six->regulate, settings);
   sequence_init(&six->command.sequence, settings);
+  six->command.loop.timeout_q12 = COMMUTATION_TIMEOUT_Q12;
   hall_init(&six->hall, p);
   six_step_lost(six);
   six->report.six_step.threshold_q17 = six->command.threshold.q17;
@@ -143,7 +144,8 @@ COLD static outcome_t starting_step(six_step_t *six, const six_step_view_t *view
   const outcome_t outcome = start_step(&six->start, &six->hall, &six->pwm, &six->command, view);
   const regulate_input_t input = regulate_input(six, view->order->tick);
   if (outcome_event(outcome) == EVENT_STARTED) {
-    sequence_force_on_miss(&six->command.sequence, true, COMMUTATION_TIMEOUT_Q12);
+    sequence_force_on_miss(&six->command.sequence, true);
+    six->command.loop.timeout_q12 = COMMUTATION_TIMEOUT_Q12;
     if (six->command.sequence.timer == COMMUTATION_ZCD) {
       sequence_miss(&six->command.sequence, (uint32_t)six->p->miss_limit);
     }
@@ -200,13 +202,12 @@ HOT static void align(six_step_t *six, const settings_t *settings) {
 // last interval: it becomes more than 1.3 times the mean one.
 HOT static void wait_for_crossing(six_step_t *six, const chip_snapshot_t *in) {
   const uint32_t mean_cycles = six->m.sector_cycles;
-  sequence_command_t *sequence = &six->command.sequence;
   uint32_t shift = 0;
-  if (sequence->timer == COMMUTATION_ZCD && mean_cycles > SLOW_TICKS * (uint32_t)six->p->tick_cycles) {
+  if (mean_cycles > SLOW_TICKS * (uint32_t)six->p->tick_cycles && six->command.sequence.timer == COMMUTATION_ZCD) {
     const uint32_t last_cycles = in->zc_interval_cycles;
     shift = (last_cycles < mean_cycles / 2u) ? 2u : (last_cycles < mean_cycles / 8u * 7u) ? 1u : 0u;
   }
-  sequence_wait(sequence, COMMUTATION_TIMEOUT_Q12 << shift);
+  six->command.loop.timeout_q12 = COMMUTATION_TIMEOUT_Q12 << shift;
 }
 
 HOT static void regulate(six_step_t *six, const six_step_view_t *view, int32_t target_rpm_q8) {

@@ -110,7 +110,8 @@ static void begin_lock(const work_t *w) {
   sequence_command_t *sequence = &w->command->sequence;
   sequence_time(sequence, COMMUTATION_ZCD);
   sequence_miss(sequence, w->s->ramps ? 0u : (uint32_t)p->miss_limit);
-  sequence_force_on_miss(sequence, false, LOCK_TIMEOUT_Q12);
+  sequence_force_on_miss(sequence, false);
+  w->command->loop.timeout_q12 = LOCK_TIMEOUT_Q12;
   w->s->locked_from = w->view->m->crossings;
   w->s->lock_ticks = 0;
   enter_phase(w->s, START_LOCK);
@@ -144,7 +145,8 @@ static void follow_caught(const work_t *w) {
   s->catches++;
   begin_lock(w);
   // The interval is known: a missed crossing is one.
-  sequence_force_on_miss(sequence, true, COMMUTATION_TIMEOUT_Q12);
+  sequence_force_on_miss(sequence, true);
+  w->command->loop.timeout_q12 = COMMUTATION_TIMEOUT_Q12;
 }
 
 // The same by the edges, which are being measured. True: done.

@@ -57,8 +57,8 @@ int main(void) {
               .commutation = (uint32_t)p->commutation,
               .pattern = (uint32_t)p->pattern,
               .sampling = SAMPLING_CONTINUOUS,
-              .timeout_q12 = COMMUTATION_TIMEOUT_Q12,
           },
+      .loop = {.timeout_q12 = COMMUTATION_TIMEOUT_Q12},
   };
   chip_write_guard(&guard);
   for (uint32_t i = 0; i < table->count; i++) {
