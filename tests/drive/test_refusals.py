@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import inspect
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -12,10 +13,13 @@ import pytest
 
 from fluxlock.base.paths import ROOT
 from fluxlock.config import ConfigError, load_scenario
-from fluxlock.drive import Bench, run_tests
+from fluxlock.drive import Bench, Drive, run_tests
 from fluxlock.drive.bench import check_signals, find_scenario, own_folder
+from fluxlock.drive.drive import FAULT_DETAILS
 from fluxlock.drive.registers import field_name
 from fluxlock.firmware.host import register_offsets
+from fluxlock.plant import Plant
+from fluxlock.plant.plant import FAULT_KINDS
 
 DEMO = ROOT / "scenarios" / "demo.toml"
 
@@ -88,6 +92,18 @@ def test_folders_of_simulations(tmp_path: Path) -> None:
         (folders[0] / "results.xml").touch()
     with ExitStack() as held:
         assert own_folder(tmp_path / "spindle-1.5", held) == folders[0] and not folders[0].exists()
+
+
+def test_faults_are_those_of_the_plant() -> None:
+    """`Drive.fault` knows each kind of the plant, and what it takes.
+
+    Verifies: DRV-01
+    """
+    assert set(FAULT_DETAILS) == set(FAULT_KINDS)
+    there = inspect.signature(Plant.inject_fault).parameters
+    assert {name for names in FAULT_DETAILS.values() for name in names} == set(there) - {"self", "kind", "phases"}
+    for kind in FAULT_KINDS:
+        assert f"`{kind}`" in str(Drive.fault.__doc__)
 
 
 def test_names_of_fields() -> None:
