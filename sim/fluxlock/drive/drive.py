@@ -22,6 +22,7 @@ from fluxlock.base.processes import end_with_parent
 from fluxlock.config import Scenario
 from fluxlock.cosim.native import peek
 from fluxlock.cosim.plan import PLAN_ENV, Action, SessionPlan
+from fluxlock.cosim.planned import session_of
 from fluxlock.cosim.session import BOOT_CYCLES, LISTEN_CYCLES, PlantFault, Session
 from fluxlock.drive.bench import SCENARIO_FILE
 from fluxlock.drive.can import CanMaster
@@ -81,7 +82,7 @@ def session_of_process() -> Session:
     """Of the plan that the environment names. Copies of the process inherit it, made before the first clock."""
     if PLAN_ENV not in os.environ:
         raise DriveError("no scenario: start the simulator by run_tests, or with the arguments of a Bench")
-    return Session(SessionPlan.load(Path(os.environ[PLAN_ENV])))
+    return session_of(SessionPlan.load(Path(os.environ[PLAN_ENV])))
 
 
 class Drive:
