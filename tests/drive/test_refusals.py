@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import inspect
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from fluxlock.base.paths import ROOT
 from fluxlock.config import ConfigError, load_scenario
-from fluxlock.drive import Bench, Drive, run_tests
+from fluxlock.drive import Bench, Drive, bench, run_tests
 from fluxlock.drive.bench import check_signals, find_scenario, own_folder
 from fluxlock.drive.drive import FAULT_DETAILS
 from fluxlock.drive.registers import field_name
@@ -92,6 +94,33 @@ def test_folders_of_simulations(tmp_path: Path) -> None:
         (folders[0] / "results.xml").touch()
     with ExitStack() as held:
         assert own_folder(tmp_path / "spindle-1.5", held) == folders[0] and not folders[0].exists()
+
+
+def test_a_runner_of_ones_own_keeps_its_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody holds the bench whose arguments a runner got: its folder is still not emptied by the next one.
+
+    Verifies: DRV-08
+    """
+
+    @dataclass(frozen=True)
+    class Plan:
+        folder: Path
+        actions: tuple[()] = ()
+
+        def save(self) -> Path:
+            return self.folder / "plan"
+
+    def prepare(_scenario: object, folder: Path, _seed: int) -> Plan:
+        folder.mkdir(parents=True)
+        return Plan(folder)
+
+    monkeypatch.setattr(bench, "BUILD", tmp_path)
+    monkeypatch.setattr(bench, "generate_registers", lambda: None)
+    monkeypatch.setattr(bench, "chip_of", lambda _scenario, signals: SimpleNamespace(key="", executable=tmp_path))
+    monkeypatch.setattr(bench, "prepare", prepare)
+    names = [Path(Bench(DEMO).arguments()["test_dir"]).name for _ in range(2)]
+    assert names[1] == f"{names[0]}-1"
+    assert [Bench(DEMO, seed=2).folder for _ in range(2)] == [Bench(DEMO, seed=2).folder] * 2
 
 
 def test_faults_are_those_of_the_plant() -> None:

@@ -36,6 +36,7 @@ from fluxlock.generate.registers import generate_registers
 SCENARIO_FILE = "scenario.pickle"  # in the plan's folder
 DRIVE_TEST = "of_a_drive"  # attribute of what `drive_test` makes
 MODULE = re.compile(r"^\s*module\s+(\w+)", re.MULTILINE)
+_led_by_others: list[Bench] = []  # whose folders a runner of the user's still needs
 
 
 class Bench:
@@ -78,8 +79,12 @@ class Bench:
     def arguments(self) -> dict[str, Any]:
         """Keyword arguments for `test` of cocotb's runner; yours are `test_module` and whatever else it takes.
 
-        The simulation's folder gets the firmware and the plan by this call.
+        The simulation's folder gets the firmware and the plan by this call. It stays as it is until the process ends.
         """
+        _led_by_others.append(self)
+        return self._arguments()
+
+    def _arguments(self) -> dict[str, Any]:
         (self.folder / SCENARIO_FILE).write_bytes(pickle.dumps(self.scenario))
         return {
             "hdl_toplevel": TOP,
@@ -113,7 +118,7 @@ class Bench:
             name = path.stem if folder else str(module)
             if not (options.get("testcase") or options.get("test_filter")):
                 options["test_filter"] = filter_of(_globals_of(module))
-            get_runner("verilator").test(test_module=name, **self.arguments(), **options)
+            get_runner("verilator").test(test_module=name, **self._arguments(), **options)
         except (SystemExit, RuntimeError) as stop:  # also a failed test, which the results tell better
             if not results.exists():
                 raise AssertionError(f"the simulation of {module} stopped ({stop}); its log stands above") from stop
