@@ -16,7 +16,6 @@ async def master_enables_the_operation(drive: Drive) -> None:
     Verifies: DRV-06
     """
     master = drive.can
-    assert master is not None
     await master.receive(0x700 + master.node_id, within_s=0.05)
     master.operate()
     await master.write(0x60FF, 0, 60_000, 4)
@@ -28,7 +27,7 @@ async def master_enables_the_operation(drive: Drive) -> None:
     assert abs(speed - drive.speed_rpm) < 600
     await master.write(0x6040, 0, 0x00, 2)
     await drive.until(lambda: drive.gates_off, 0.01)
-    assert drive.plant.torque_nm == 0
+    assert drive.torque_nm == 0
 
 
 def test_can() -> None:

@@ -96,4 +96,9 @@ def init(folder: Annotated[Path, typer.Argument(help="Folder to make.")]) -> Non
     for name, text in files().items():
         (folder / name).write_text(text, encoding="utf-8")
     print(f"written: {folder}/{', '.join(sorted(files()))}")
-    print(f"next: fluxlock motor info {folder}/motor.toml; fluxlock run {folder}/scenario.toml")
+    commands = (
+        "fluxlock motor info {}/motor.toml",
+        "fluxlock run {}/scenario.toml",
+        "python -m pytest {}/test_drive.py",
+    )
+    print(f"next: {'; '.join(command.format(folder) for command in commands)}")

@@ -62,8 +62,8 @@ async def branched(drive: Drive) -> None:
     BRANCHED.write_text(json.dumps({"cpu_s": spent_s() - begin, "ends": branch.kept}))
 
 
-def straight(load_nm: float) -> object:
-    """A run from power-up to one end."""
+def straight(name: str, load_nm: float) -> object:
+    """A run from power-up to one end, as a test of that name."""
 
     async def run(drive: Drive) -> None:
         begin = spent_s()
@@ -72,10 +72,10 @@ def straight(load_nm: float) -> object:
         with STRAIGHT.open("a") as file:
             file.write(json.dumps({"cpu_s": spent_s() - begin, "end": found}) + "\n")
 
-    return drive_test()(run)
+    return drive_test(name=name)(run)
 
 
-globals().update({f"straight_{n}": straight(LOADS_NM[n]) for n in ALONE})
+globals().update({(name := f"straight_{n}"): straight(name, LOADS_NM[n]) for n in ALONE})
 
 
 def main() -> int:

@@ -26,6 +26,7 @@ from fluxlock.base.paths import BUILD, ROOT
 from fluxlock.base.writable import guarded
 from fluxlock.cosim.launch import run_plan
 from fluxlock.cosim.plan import RAW_FILE
+from fluxlock.cosim.planned import FOR_NUMBA
 from fluxlock.cosim.run import prepare
 from fluxlock.drive import Bench, Drive, drive_test
 
@@ -51,6 +52,7 @@ def digest(arrays: Mapping[str, np.ndarray[Any, Any]], end: int) -> str:
 @drive_test()
 async def led(drive: Drive) -> None:
     """The scenario's events, by the methods of `Drive`, and its end."""
+    assert not any(name in sys.modules for name in FOR_NUMBA), "loads more than the command's run"
     for event in drive.scenario.event:
         await drive.until(event.at_s)
         if event.speed_rpm is not None:

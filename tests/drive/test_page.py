@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from fluxlock.base.paths import ROOT, tool_environment
+from fluxlock.base.paths import ROOT
 from fluxlock.cosim.launch import bytecode_environment
 from fluxverify import drive_bench
 
@@ -35,9 +35,10 @@ def folder(tmp_path: Path) -> Path:
 def run(folder: Path, *words: str) -> tuple[int, str]:
     """Exit code and output of pytest there, with nothing of this session's environment."""
     command = ["../fluxlock/.venv/bin/python", "-m", "pytest", "-p", "no:cacheprovider", *words]
-    # Verilator on the path: a test of the user's own RTL builds with it.
-    tools = {**os.environ, **tool_environment()}
-    env = {name: value for name, value in tools.items() if not name.startswith(("PYTEST", "COCOTB", "PYTHONPATH"))}
+    out = ("PYTEST", "COCOTB", "PYTHONPATH", "VERILATOR")
+    env = {name: value for name, value in os.environ.items() if not name.startswith(out)}
+    paths = (place for place in env["PATH"].split(os.pathsep) if not Path(place, "verilator").exists())
+    env["PATH"] = os.pathsep.join(paths)
     done = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, check=False)
     print(done.stdout[-6000:], done.stderr[-2000:])
     return done.returncode, done.stdout
@@ -68,7 +69,7 @@ import cocotb
 from cocotb.clock import Clock
 from cocotb_tools.runner import get_runner
 from cocotbext.axi import AxiStreamBus, AxiStreamSink, AxiStreamSource, MemoryRegion
-from fluxlock.drive import Bench, Drive
+from fluxlock.drive import Bench, Drive, drive_test, run_tests, verilator_runner
 
 HERE = Path(__file__).parent
 
@@ -83,7 +84,7 @@ async def stream(dut):
 
 
 def test_stream():
-    runner = get_runner("verilator")
+    runner = verilator_runner()
     runner.build(sources=[HERE / "wire.sv"], hdl_toplevel="wire_axis", build_dir=HERE / "wire")
     runner.test(test_module="test_beside", hdl_toplevel="wire_axis", testcase="stream", build_dir=HERE / "wire")
 
@@ -101,6 +102,15 @@ async def log_into_memory(dut):
 def test_drive():
     arguments = Bench("spindle.toml", folder=HERE / "drive").arguments()
     get_runner("verilator").test(test_module="test_beside", testcase="log_into_memory", **arguments)
+
+
+@drive_test()
+async def spins(drive):
+    assert drive.speed_rpm > 50_000
+
+
+def test_spins():
+    run_tests("spindle.toml", __file__)
 """
 WIRE = """
 module wire_axis (
@@ -114,14 +124,16 @@ endmodule
 
 
 def test_beside_a_package_of_cocotb(folder: Path) -> None:
-    """A file of tests with cocotbext-axi: its models on RTL of the user, and the drive by cocotb's own runner.
+    """One file: models of cocotbext-axi on RTL of the user, the drive by cocotb's own runner, and a `drive_test`.
+
+    The RTL finds Verilator without one in the environment, and `run_tests` leaves the other tests alone.
 
     Verifies: DRV-03
     """
     (folder / "test_beside.py").write_text(BESIDE)
     (folder / "wire.sv").write_text(WIRE)
     code, said = run(folder, "test_beside.py")
-    assert code == 0 and "2 passed" in said
+    assert code == 0 and "3 passed" in said
 
 
 def test_a_run_that_a_test_leads_is_the_harness() -> None:

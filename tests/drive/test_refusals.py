@@ -5,14 +5,23 @@
 
 from __future__ import annotations
 
+import inspect
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+
 import pytest
 
 from fluxlock.base.paths import ROOT
 from fluxlock.config import ConfigError, load_scenario
-from fluxlock.drive import Bench
-from fluxlock.drive.bench import check_signals
+from fluxlock.drive import Bench, Drive, bench, run_tests
+from fluxlock.drive.bench import check_signals, find_scenario, own_folder
+from fluxlock.drive.drive import FAULT_DETAILS
 from fluxlock.drive.registers import field_name
 from fluxlock.firmware.host import register_offsets
+from fluxlock.plant import Plant
+from fluxlock.plant.plant import FAULT_KINDS
 
 DEMO = ROOT / "scenarios" / "demo.toml"
 
@@ -44,10 +53,86 @@ def test_wrong_scenarios() -> None:
     """
     with pytest.raises(ConfigError, match=r"my-motor\.toml"):
         Bench("my-motor.toml")
+    with pytest.raises(ConfigError, match=r"my-motor\.toml") as error:
+        run_tests("my-motor.toml", __file__)
+    assert f"looked in {Path(__file__).parent} and {Path.cwd()}" in str(error.value)
+    assert len(error.traceback) == 2, "this test, and run_tests, which pytest leaves out"
     with pytest.raises(ConfigError, match="carier_hz"):
         Bench(DEMO, "drive.carier_hz=20_000")
-    with pytest.raises(ConfigError, match="belong to a file; change the object instead"):
+    with pytest.raises(ConfigError, match="belong to a file; give them to load_scenario"):
         Bench(load_scenario(DEMO), "drive.carrier_hz=20_000")
+
+
+def test_scenarios_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file beside the test's is found wherever pytest runs, before one of the current folder and a shipped one.
+
+    Verifies: DRV-02
+    """
+    beside, current = tmp_path / "tests", tmp_path / "current"
+    for folder in (beside, current):
+        folder.mkdir()
+        (folder / "spindle.toml").touch()
+    (current / "other.toml").touch()
+    monkeypatch.chdir(current)
+    module = beside / "test_spindle.py"
+    assert find_scenario("spindle.toml", module) == beside / "spindle.toml"
+    assert find_scenario("other.toml", module) == current / "other.toml"
+    assert find_scenario("scenarios/demo.toml", module) == DEMO
+    assert find_scenario("spindle.toml", "package.test_spindle") == current / "spindle.toml"
+    assert find_scenario(DEMO, module) == DEMO
+
+
+def test_folders_of_simulations(tmp_path: Path) -> None:
+    """A bench gets the same folder each time, empty; a second one at that time gets another.
+
+    Verifies: DRV-08
+    """
+    with ExitStack() as first, ExitStack() as second:
+        folders = [own_folder(tmp_path / "spindle-1.5", held) for held in (first, second)]
+        assert [folder.name for folder in folders] == ["spindle-1.5", "spindle-1.5-1"]
+        folders[0].mkdir()
+        (folders[0] / "results.xml").touch()
+    with ExitStack() as held:
+        assert own_folder(tmp_path / "spindle-1.5", held) == folders[0] and not folders[0].exists()
+
+
+def test_a_runner_of_ones_own_keeps_its_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody holds the bench whose arguments a runner got: its folder is still not emptied by the next one.
+
+    Verifies: DRV-08
+    """
+
+    @dataclass(frozen=True)
+    class Plan:
+        folder: Path
+        actions: tuple[()] = ()
+
+        def save(self) -> Path:
+            return self.folder / "plan"
+
+    def prepare(_scenario: object, folder: Path, _seed: int) -> Plan:
+        folder.mkdir(parents=True)
+        return Plan(folder)
+
+    monkeypatch.setattr(bench, "BUILD", tmp_path)
+    monkeypatch.setattr(bench, "generate_registers", lambda: None)
+    monkeypatch.setattr(bench, "chip_of", lambda _scenario, signals: SimpleNamespace(key="", executable=tmp_path))
+    monkeypatch.setattr(bench, "prepare", prepare)
+    names = [Path(Bench(DEMO).arguments()["test_dir"]).name for _ in range(2)]
+    assert names[1] == f"{names[0]}-1"
+    assert [Bench(DEMO, seed=2).folder for _ in range(2)] == [Bench(DEMO, seed=2).folder] * 2
+
+
+def test_faults_are_those_of_the_plant() -> None:
+    """`Drive.fault` knows each kind of the plant, and what it takes.
+
+    Verifies: DRV-01
+    """
+    assert set(FAULT_DETAILS) == set(FAULT_KINDS)
+    there = inspect.signature(Plant.inject_fault).parameters
+    assert {name for names in FAULT_DETAILS.values() for name in names} == set(there) - {"self", "kind", "phases"}
+    for kind in FAULT_KINDS:
+        assert f"`{kind}`" in str(Drive.fault.__doc__)
 
 
 def test_names_of_fields() -> None:

@@ -24,7 +24,11 @@ from fluxlock.config.json_schema import json_schema
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     made = tmp_path / "my-drive"
-    assert CliRunner().invoke(app, ["init", str(made)]).exit_code == 0
+    done = CliRunner().invoke(app, ["init", str(made)])
+    assert done.exit_code == 0
+    named = re.findall(r"(\S+\.(?:toml|py))(?:;|\n|$)", done.output.partition("next: ")[2])
+    assert [Path(path).name for path in named] == ["motor.toml", "scenario.toml", "test_drive.py"], done.output
+    assert all(Path(path).is_file() for path in named)
     return made
 
 

@@ -16,12 +16,13 @@
         run_tests("spindle.toml", __file__)
 
 `run_tests` stands in the process of pytest: it builds chip and firmware and starts the simulator. `drive_test` and
-`Drive` stand in the simulator's process. docs/howto/cocotb-test.md is the tutorial.
+`Drive` stand in the simulator's process. `verilator_runner` is for tests of RTL of your own in the same file.
+docs/howto/cocotb-test.md is the tutorial.
 """
 
-from fluxlock.drive.bench import Bench, run_tests
+from fluxlock.drive.bench import Bench, run_tests, verilator_runner
 from fluxlock.drive.copies import BranchError, End
 from fluxlock.drive.drive import Drive, DriveError
 from fluxlock.drive.isolated import drive_test
 
-__all__ = ["Bench", "BranchError", "Drive", "DriveError", "End", "drive_test", "run_tests"]
+__all__ = ["Bench", "BranchError", "Drive", "DriveError", "End", "drive_test", "run_tests", "verilator_runner"]

@@ -10,6 +10,7 @@ import os
 import pickle
 from collections.abc import Callable, Iterable
 from functools import cache
+from numbers import Real
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -21,26 +22,59 @@ from fluxlock.base.processes import end_with_parent
 from fluxlock.config import Scenario
 from fluxlock.cosim.native import peek
 from fluxlock.cosim.plan import PLAN_ENV, Action, SessionPlan
+from fluxlock.cosim.planned import session_of
 from fluxlock.cosim.session import BOOT_CYCLES, LISTEN_CYCLES, PlantFault, Session
 from fluxlock.drive.bench import SCENARIO_FILE
 from fluxlock.drive.can import CanMaster
 from fluxlock.drive.copies import Branch
+from fluxlock.drive.pins import refuse_writes
 from fluxlock.drive.registers import Registers
 from fluxlock.firmware.binding import names, types
 from fluxlock.generate.memory import TELEMETRY_ADDRESS
 from fluxlock.plant import Plant
+from fluxlock.plant.layout import VDC
 from fluxlock.python_load import PERIOD_CYCLES, LoadFunction, PythonLoad
 from fluxlock.results.metrics import Advance, Analysis
-from fluxlock.results.rundata import RunData, SimulationFault
+from fluxlock.results.rundata import LogKind, RunData, SimulationFault
 
 Value = TypeVar("Value")
 AT_SPEED = 0.01  # of the target
 LEAST_BAND_RPM = 100.0
 PHASES = "ABCDE"
+LOAD_PARTS = ("constant_nm", "coulomb_nm", "viscous_nm_s_per_rad", "fan_nm_s2_per_rad2")
+SENSING_ERRORS = ("offset_lsb", "gain", "noise_lsb")
+# What `fault` takes beside the phases, by kind.
+FAULT_DETAILS: dict[str, tuple[str, ...]] = {
+    "open_phase": (),
+    "shorted_winding": ("turns_fraction",),
+    "stuck_high": (),
+    "stuck_low": (),
+    "stuck_channel": ("channel", "code"),
+    "noisy_channels": ("noise_lsb",),
+    "stuck_rotor": (),
+    "fault_pin": ("level",),
+    "supply": ("supply_v", "ramp_s"),
+    "clear": (),
+}
 
 
 class DriveError(AssertionError):
     """The drive did not do what a test has waited for; the text says what it did."""
+
+
+def check_names(what: str, given: Iterable[str], there: Iterable[str]) -> None:
+    """Raise TypeError, with the right names, if one is wrong."""
+    wrong = sorted(set(given) - set(there))
+    if wrong:
+        raise TypeError(f"{what} does not take {', '.join(wrong)}; it takes: {', '.join(there) or 'nothing more'}")
+
+
+def check_number(name: str, value: object, least: float = -math.inf) -> None:
+    """Raise ValueError for what is no finite number, or is less than `least`."""
+    number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
+    if not (math.isfinite(number) and number >= least):
+        bound = "" if math.isinf(least) else f", at least {least:g}"
+        raise ValueError(f"{name} = {value!r}: must be a number{bound}")
 
 
 @cache
@@ -48,13 +82,13 @@ def session_of_process() -> Session:
     """Of the plan that the environment names. Copies of the process inherit it, made before the first clock."""
     if PLAN_ENV not in os.environ:
         raise DriveError("no scenario: start the simulator by run_tests, or with the arguments of a Bench")
-    return Session(SessionPlan.load(Path(os.environ[PLAN_ENV])))
+    return session_of(SessionPlan.load(Path(os.environ[PLAN_ENV])))
 
 
 class Drive:
     """Chip, firmware, inverter, motor and load of one simulation, from power-up on. A simulation has one.
 
-    dut: cocotb's handle of `fl_soc`. Its pins can be read and awaited, not written: the plant drives them.
+    dut: cocotb's handle of `fl_soc`. Its pins can be read and awaited. A write raises TypeError: the plant drives them.
     Units: SI unless a name says otherwise; mechanical r/min, electrical degrees. Times count from power-up.
     The plant's values are those of its last event, a gate edge or a sample: at most one sample period old.
     Waiting: every method that takes simulated time is a coroutine. Triggers of cocotb work beside them. Awaiting an
@@ -75,9 +109,9 @@ class Drive:
         self.scenario: Scenario = pickle.loads((self.session.plan.folder / SCENARIO_FILE).read_bytes())
         self.session.begin()
         self.registers = Registers(self.session.native)
-        self.can: CanMaster | None = None
-        if self.scenario.can is not None:
-            self.can = CanMaster(self.session, self.scenario.can)
+        bus = self.scenario.can
+        self._can = None if bus is None else CanMaster(self.session, bus)
+        refuse_writes()
         self._broken: Exception | None = None
         self._load: PythonLoad | None = None
         cocotb.start_soon(self._keep_up())
@@ -99,15 +133,20 @@ class Drive:
 
     async def run(self, seconds: float) -> None:
         """Let a simulated time pass."""
+        check_number("seconds", seconds, 0.0)
         await self._to(self.session.cycle + round(seconds * self.session.plan.clock_hz))
 
     async def until(self, when: float | Callable[[], object], within_s: float = 1.0, every_s: float = 1e-3) -> None:
         """Until a time (s since power-up), or until a condition is true, which is asked every `every_s`.
 
-        Raises DriveError if that takes longer than `within_s`.
+        Raises DriveError if that takes longer than `within_s`, ValueError for a time that is past.
         """
         if not callable(when):
-            await self._to(round(when * self.session.plan.clock_hz))
+            check_number("when", when)
+            cycle = round(when * self.session.plan.clock_hz)
+            if cycle < self.session.cycle:
+                raise ValueError(f"until {when:g} s: that time is past; {self}")
+            await self._to(cycle)
             return
         end_s = self.time_s + within_s
         while not when():
@@ -130,6 +169,13 @@ class Drive:
         return Branch(values, jobs)
 
     # Drive
+
+    @property
+    def can(self) -> CanMaster:
+        """A master on the chip's CAN bus. Raises DriveError if the scenario has none."""
+        if self._can is None:
+            raise DriveError("there is no CAN bus: the scenario has no [can]")
+        return self._can
 
     async def start(self, rpm: float, within_s: float = 2.0) -> None:
         """Set the speed, start, and wait until the true speed is within 1 % of it (100 r/min at least).
@@ -206,6 +252,12 @@ class Drive:
         """No switch is asked for."""
         return int(self.dut.gate_o.value) == 0
 
+    @property
+    def gate_changes(self) -> int:
+        """Changes of the gates since power-up; those of one clock are one."""
+        self.session.drain()
+        return int(np.count_nonzero(self.session.log()[:, 1] == LogKind.GATES))
+
     # Motor, load, inverter
 
     @property
@@ -233,16 +285,30 @@ class Drive:
         """Torque of the motor, before friction."""
         return self.plant.torque_nm
 
-    def load(self, factor: float | None = None, ramp_s: float = 0.0, **torques: float) -> None:
+    @property
+    def link_v(self) -> float:
+        """True voltage of the DC link."""
+        return float(self.plant.state[VDC])
+
+    @property
+    def pole_pairs(self) -> int:
+        """Electrical turns in a mechanical one."""
+        return self.plant.params.machine.pole_pairs
+
+    def load(self, *, factor: float | None = None, ramp_s: float = 0.0, **torques: float) -> None:
         """Change the load, in a ramp of `ramp_s` or at once.
 
         factor: of every part of the scenario's load. torques: single parts, `constant_nm`, `coulomb_nm`,
-        `viscous_nm_s_per_rad`, `fan_nm_s2_per_rad2`.
+        `viscous_nm_s_per_rad`, `fan_nm_s2_per_rad2`. TypeError for another name, or with neither.
         """
+        check_names("load", torques, LOAD_PARTS)
+        if factor is None and not torques:
+            raise TypeError(f"load needs a factor, or a part of the load: {', '.join(LOAD_PARTS)}")
+        for name, value in {"ramp_s": ramp_s, **({} if factor is None else {"factor": factor}), **torques}.items():
+            check_number(name, value)
         if factor is not None:
             mechanics = self.session.plan.plant.mechanics
-            parts = ("fan_nm_s2_per_rad2", "constant_nm", "viscous_nm_s_per_rad", "coulomb_nm")
-            torques = {part: factor * float(getattr(mechanics, part)) for part in parts} | torques
+            torques = {part: factor * float(getattr(mechanics, part)) for part in LOAD_PARTS} | torques
         self._act("load", {**torques, "ramp_s": ramp_s})
 
     def load_nm(self, function: LoadFunction | None) -> None:
@@ -267,14 +333,21 @@ class Drive:
 
     def supply(self, volts: float, ramp_s: float = 0.0) -> None:
         """Change the supply's voltage, in a ramp of `ramp_s` or at once."""
+        check_number("volts", volts, 0.0)
+        check_number("ramp_s", ramp_s, 0.0)
         self._act("supply", {"supply_v": volts, "ramp_s": ramp_s})
 
     def fault(self, kind: str, phases: str = "A", **details: object) -> None:
         """Break something of motor, inverter or sensing, or make it whole again (`clear`).
 
-        kind: `open_phase`, `shorted_winding`, `stuck_high`, `stuck_low`, `stuck_channel`, `fault_pin`, `supply`,
-        `clear`. phases: letters, of the first four. details: see `Plant.inject_fault`.
+        kind: `open_phase`, `shorted_winding`, `stuck_high`, `stuck_low`, each of `phases`, which are letters;
+        `stuck_channel`, `noisy_channels`, `stuck_rotor`, `fault_pin`, `supply`, `clear`. `shorted_winding`: of the
+        turns of `phases` `turns_fraction` still act, 0.05; one phase is a short to the star point, two are one between
+        terminals. details: see `FAULT_DETAILS` and `Plant.inject_fault`. TypeError for those that a kind does not take.
         """
+        if kind not in FAULT_DETAILS:
+            raise ValueError(f"fault {kind!r}: must be one of {', '.join(FAULT_DETAILS)}")
+        check_names(f"fault {kind!r}", details, FAULT_DETAILS[kind])
         there = PHASES[: self.plant.phases]
         if not phases or set(phases) - set(there):
             raise ValueError(f"phases {phases!r}: letters of {there}, for instance {there[:2]!r}")
@@ -282,7 +355,8 @@ class Drive:
         self._act("fault", {"kind": kind, "phases": numbers, **details})
 
     def disturb(self, channel: str | None = None, **errors: float) -> None:
-        """Put an error into the sensing: see `Plant.disturb`."""
+        """Put an error into the sensing: `offset_lsb` and `gain` of a channel, `noise_lsb` of all: `Plant.disturb`."""
+        check_names("disturb", errors, SENSING_ERRORS)
         self._act("sensor", {"channel": channel, **errors})
 
     def shaft(self, mode: str) -> None:
@@ -318,10 +392,16 @@ class Drive:
         )
 
     def window(self, from_s: float, to_s: float | None = None) -> dict[str, Any]:
-        """Metrics of a span of time, as `fluxlock run` has them of a `[[window]]`; `to_s`: default now."""
+        """Metrics of a span of time, as `fluxlock run` has them of a `[[window]]`; `to_s`: default now.
+
+        Raises ValueError if the span has no length or is not over yet.
+        """
         now_s = self.time_s
+        end_s = now_s if to_s is None else to_s
+        if not from_s < end_s <= now_s + 0.5 / self.session.plan.clock_hz:
+            raise ValueError(f"window {from_s:g} to {end_s:g} s: must end after its begin and by now, {now_s:g} s")
         data = self.data(now_s - from_s + 0.02)  # and some turns before it
-        return Analysis(data, Advance.of(self.scenario)).window(from_s, now_s if to_s is None else to_s)
+        return Analysis(data, Advance.of(self.scenario)).window(from_s, end_s)
 
     @property
     def angle_error_deg(self) -> float:

@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 
 import cocotb
 
+from fluxlock.drive.bench import DRIVE_TEST
 from fluxlock.drive.copies import Copy, Report
 from fluxlock.drive.drive import Drive, session_of_process
 
@@ -40,7 +41,7 @@ class Holder:
                 os._exit(0)
             copy = Copy()
             if copy.pid == 0:
-                await body(drive)
+                await lead(body, drive)
                 copy.end()
             self._its.send(copy.wait())
 
@@ -57,6 +58,14 @@ class Holder:
 
 
 bodies: list[Body] = []
+
+
+async def lead(body: Body, drive: Drive) -> None:
+    """Run a test's body. The log says how far it came: cocotb's table has the time of the process that waits, 0."""
+    try:
+        await body(drive)
+    finally:
+        cocotb.log.info(f"{body.__qualname__} ends at {drive.time_s:.6f} s after {drive.session.cycle} clocks")
 
 
 def drive_test(
@@ -78,7 +87,7 @@ def drive_test(
             if after is None:
                 copy = Copy()
                 if copy.pid == 0:
-                    await body(Drive(dut))
+                    await lead(body, Drive(dut))
                     copy.end()
                 report = copy.wait()
             else:
@@ -91,6 +100,8 @@ def drive_test(
             if report.error is not None:
                 raise AssertionError(report.error)
 
-        return cocotb.test(**options)(test)
+        made = cocotb.test(**options)(test)
+        setattr(made, DRIVE_TEST, True)
+        return made
 
     return make

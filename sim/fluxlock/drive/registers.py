@@ -59,7 +59,9 @@ class Registers(Mapping[str, int]):
         if name not in found:
             block = name.split(".")[0]
             there = ", ".join(other for other in found if other.startswith(f"{block}."))
-            raise KeyError(f"no stored field {name!r}; of that block there are: {there or 'none'}")
+            blocks = ", ".join(sorted({other.split(".")[0] for other in found}))
+            said = f"of that block there are: {there}" if there else f"blocks with stored fields: {blocks}"
+            raise KeyError(f"no stored field {name!r}; {said}")
         return self._native.register_value(found[name])
 
     def __iter__(self) -> Iterator[str]:

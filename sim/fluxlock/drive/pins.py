@@ -1,0 +1,36 @@
+# SPDX-FileCopyrightText: 2026 Fluxlock contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""cocotb's handles where they would keep silent or say too little: a write, and a name that cocotb does not see."""
+
+from __future__ import annotations
+
+from typing import Any, NoReturn
+
+from cocotb.handle import EnumObject, HierarchyObject, IntegerObject, LogicArrayObject, LogicObject, PackedObject
+
+FORCED = "the plant drives the chip and its RTL drives the rest; force_pin gives an input a level"
+UNSEEN = 'cocotb sees the pins of fl_soc, and what run_tests(..., signals=["fl_trip.*"]) names of the inside'
+
+
+def refuse_writes() -> None:
+    """From now on, in this process: a write to a handle raises TypeError, an unknown name says what cocotb sees.
+
+    A write would have no effect. For all handles, as those of bits and of the inside come into being when asked for.
+    """
+    look = HierarchyObject.__getattr__
+
+    def refuse(handle: Any, *_: object) -> NoReturn:  # noqa: ANN401  # of any kind
+        raise TypeError(f"{handle._path} can be read and awaited, not written: {FORCED}")
+
+    def child(handle: HierarchyObject, name: str) -> object:
+        try:
+            return look(handle, name)
+        except AttributeError as error:
+            if name.startswith("_"):
+                raise
+            raise AttributeError(f"{error}; {UNSEEN}") from None
+
+    for kind in (LogicObject, LogicArrayObject, PackedObject, IntegerObject, EnumObject):
+        kind._set_value = refuse  # type: ignore[assignment,method-assign]
+    HierarchyObject.__getattr__ = child  # type: ignore[assignment,method-assign]
