@@ -293,6 +293,30 @@ def test_patience_with_a_crossing_follows_the_mean_interval(share: float, patien
     assert c[am.C_TIMEOUT] == patience
 
 
+@pytest.mark.parametrize("gain", [0.93, 1.07])
+def test_patience_is_there_as_a_sector_begins(gain: float) -> None:
+    """Sectors of five ticks, a divider that is off: each commutation begins with a patience beyond the next crossing.
+
+    Verifies: FW-20
+    """
+    bench = Bench(drive=machines.drive(zcd={"balance": "none"}))
+    bench.start(20_000)
+    bench.run(0.5)
+    bench.model.m[am.M_DIVIDER + 1] = gain
+    bench.run(0.1)
+    s, patience, intervals = bench.model.s, [], set()
+    commutations = s[am.COMMUTATIONS]
+    for _ in range(600):
+        bench.step()
+        intervals.add(round(1e6 * s[am.INTERVAL]))
+        if s[am.COMMUTATIONS] != commutations:
+            commutations = s[am.COMMUTATIONS]
+            patience.append(s[am.PATIENCE] / s[am.RING_FIRST : am.RING_FIRST + 6].mean())
+    assert min(intervals) < 0.8 * max(intervals), "the intervals are even"
+    assert min(patience) > 1.3
+    assert bench.trips == 0
+
+
 def test_ramp_yields_where_little_resistance_lets_much_flow() -> None:
     """A load holds the rotor of a motor that one volt turns fast: the ramp's voltage grows, not so the current.
 

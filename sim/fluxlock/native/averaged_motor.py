@@ -36,7 +36,8 @@ H_PHASE = 42  # six: from the last crossing to the edge into a sector
 # Current of this instant (I_LINE: mean of the last call), time since the carrier began, charge through the pair, mean
 # torque of the last call.
 (I_NOW, CARRIER_AT, CHARGE, TORQUE) = range(50, 54)
-STATES = 54
+PATIENCE = 54  # with a crossing after T_COMM, s: settings that come later act from the next commutation on
+STATES = 55
 
 # What happened since the reader last emptied it: a count, then time, kind, sector of each event.
 NOTES, NOTE_ROWS, NOTE_FIELDS = 64, 64, 3
@@ -233,6 +234,7 @@ def commutate(s: NDArray[np.float64], c: NDArray[np.float64], t: float) -> None:
     if c[C_RESTART] > 0.0:
         s[CARRIER_AT] = 0.0
     s[T_SCHED] = t + c[C_FORCED] if c[C_TIMER] == TIMER_FORCED else 1e30
+    s[PATIENCE] = c[C_TIMEOUT] * s[INTERVAL] if c[C_TIMER] == TIMER_ZCD else 1e30
     if c[C_TIMER] == TIMER_HALL and s[H_FOLLOWS] > 0.0:
         s[H_FOLLOWS] = 0.0
         s[T_SCHED] = t + s[RING_FIRST : RING_FIRST + 6].mean()
@@ -281,7 +283,7 @@ def look(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float64],
         crossing(s, s[T], False, hall)
     if before_found == 0.0 and s[FOUND] > 0.0 and c[C_TIMER] == TIMER_ZCD:
         s[T_SCHED] = s[T_ZC] + s[INTERVAL] * c[C_DELAY]
-    if c[C_TIMER] == TIMER_ZCD and s[FOUND] == 0.0 and s[T] - s[T_COMM] > c[C_TIMEOUT] * s[INTERVAL]:
+    if c[C_TIMER] == TIMER_ZCD and s[FOUND] == 0.0 and s[T] - s[T_COMM] > s[PATIENCE]:
         s[MISSES] += 1.0
         s[TIMEOUTS] += 1.0
         if c[C_MISS_LIMIT] > 0.0 and s[MISSES] >= c[C_MISS_LIMIT]:
@@ -292,6 +294,7 @@ def look(s: NDArray[np.float64], c: NDArray[np.float64], m: NDArray[np.float64],
             commutate(s, c, s[T])
         else:
             s[T_COMM] = s[T]
+            s[PATIENCE] = c[C_TIMEOUT] * s[INTERVAL]
 
 
 @numba.njit(cache=True)

@@ -155,6 +155,8 @@ def take_settings(r: Registers, x: Places, k: Floats, s: Floats, c: Floats) -> N
         s[am.T_SCHED] = s[am.T]
     elif timer == am.TIMER_ZCD and was_timer == am.TIMER_HALL:
         s[am.T_ZC] = s[am.T_FOUND]
+    if timer == am.TIMER_ZCD and was_timer in (am.TIMER_OFF, am.TIMER_HALL):
+        s[am.PATIENCE] = c[am.C_TIMEOUT] * s[am.INTERVAL]
     c[am.C_SEQ], c[am.C_TIMER] = seq, timer
 
 

@@ -137,7 +137,7 @@ class RunData:
     def failed_phase(self) -> str | None:
         """Phase in which the last attempt at a start failed, by the last reply to `faults`; None: fault is another."""
         found = re.findall(r"^now (\w+)\s*(?:phase (\w+))?", "\n".join(self.uart), re.MULTILINE)
-        return found[-1][1] or None if found else None
+        return found[-1][1] or None if found and found[-1][0] == self.fault else None
 
     def rows(self, kind: LogKind) -> IntArray:
         """Log rows of one kind."""

@@ -68,6 +68,11 @@ HOT static uint32_t longest_carrier(const parameters_t *p, const settings_t *set
   return clamp_u32(allowed, wanted, (longest > wanted) ? longest : wanted);
 }
 
+HOT uint32_t measure_interval_cycles(const measured_t *m, uint32_t behind) {
+  const uint32_t at = m->interval_at + behind;
+  return m->interval_cycles[(at < TURN_INTERVALS) ? at : at - TURN_INTERVALS];
+}
+
 // Crossing intervals of rotors and inductances that are uneven repeat after half an electrical turn: their mean over it is
 // as true as over the turn, at little more than half of the delay. Divider gains make halves unequal: correction B removes it.
 HOT static uint32_t speed_period_cycles(measured_t *m, const parameters_t *p, const settings_t *settings,
@@ -76,7 +81,11 @@ HOT static uint32_t speed_period_cycles(measured_t *m, const parameters_t *p, co
   if (!m->speed_short) {
     return in->zc_period_cycles;
   }
-  return 2u * (m->interval_cycles[0] + m->interval_cycles[1] + m->interval_cycles[2]);
+  uint32_t half_cycles = 0;
+  for (uint32_t k = 0; k < SHORT_INTERVALS; k++) {
+    half_cycles += measure_interval_cycles(m, k);
+  }
+  return 2u * half_cycles;
 }
 
 HOT static void measure_speed(measured_t *m, const parameters_t *p, const settings_t *settings,
@@ -107,7 +116,7 @@ HOT static void measure_speed(measured_t *m, const parameters_t *p, const settin
   const uint16_t crossings = (uint16_t)(in->crossings - (uint16_t)m->crossings);
   m->crossings += crossings;
   if (crossings > 0u) {
-    m->interval_at = (m->interval_at > 0u) ? m->interval_at - 1u : SHORT_INTERVALS - 1u;
+    m->interval_at = (m->interval_at > 0u) ? m->interval_at - 1u : TURN_INTERVALS - 1u;
     m->interval_cycles[m->interval_at] = in->zc_interval_cycles;
   }
   const uint16_t commutations = (uint16_t)(in->commutations - (uint16_t)m->commutations);

@@ -12,6 +12,7 @@
 
 // Over which the speed is a mean where correction B evens out what differs between rising and falling crossings.
 #define SHORT_INTERVALS 3u
+#define TURN_INTERVALS 6u
 
 // Measured quantities of the last tick.
 typedef struct {
@@ -24,8 +25,8 @@ typedef struct {
   bool speed_short;       // over half of the turn
   int32_t place_q16;       // in the sector, from its commutation on: 1 is the next one
   int32_t place_step_q16;  // a tick of it
-  uint32_t interval_cycles[SHORT_INTERVALS];
-  uint32_t interval_at;
+  uint32_t interval_cycles[TURN_INTERVALS];  // before the crossings of a turn
+  uint32_t interval_at;                      // the last one; the one before it comes behind it
   bool speed_valid;
   bool speed_fresh;  // measured in this tick
   bool speed_due;    // a crossing has come since
@@ -47,6 +48,9 @@ typedef struct {
   int32_t loop_filter_q25;
   uint64_t speed_numerator_q8;
 } measured_t;
+
+// Interval before the crossing that lies so many behind the last one, 0 to 5: 5 repeats itself as the next one.
+uint32_t measure_interval_cycles(const measured_t *m, uint32_t behind);
 
 void measure_init(measured_t *m, const parameters_t *p);
 

@@ -44,7 +44,6 @@ COLD void six_step_init(six_step_t *six, const parameters_t *p, const settings_t
   pwm_off(&six->pwm, p);
   regulate_init(&six->regulate, settings);
   sequence_init(&six->command.sequence, settings);
-  six->command.loop.timeout_q12 = COMMUTATION_TIMEOUT_Q12;
   hall_init(&six->hall, p);
   six_step_lost(six);
   six->report.six_step.threshold_q17 = six->command.threshold.q17;
@@ -145,7 +144,6 @@ COLD static outcome_t starting_step(six_step_t *six, const six_step_view_t *view
   const regulate_input_t input = regulate_input(six, view->order->tick);
   if (outcome_event(outcome) == EVENT_STARTED) {
     sequence_force_on_miss(&six->command.sequence, true);
-    six->command.loop.timeout_q12 = COMMUTATION_TIMEOUT_Q12;
     if (six->command.sequence.timer == COMMUTATION_ZCD) {
       sequence_miss(&six->command.sequence, (uint32_t)six->p->miss_limit);
     }
@@ -198,18 +196,6 @@ HOT static void align(six_step_t *six, const settings_t *settings) {
   sequence_align(sequence, runs_on ? COMMUTATION_NSC : settings->commutation);
 }
 
-// Unequal phases make slow crossings uneven, and a long interval follows a short one. The hardware's patience is 1.5 times the
-// last interval: it becomes more than 1.3 times the mean one.
-HOT static void wait_for_crossing(six_step_t *six, const chip_snapshot_t *in) {
-  const uint32_t mean_cycles = six->m.sector_cycles;
-  uint32_t shift = 0;
-  if (mean_cycles > SLOW_TICKS * (uint32_t)six->p->tick_cycles && six->command.sequence.timer == COMMUTATION_ZCD) {
-    const uint32_t last_cycles = in->zc_interval_cycles;
-    shift = (last_cycles < mean_cycles / 2u) ? 2u : (last_cycles < mean_cycles / 8u * 7u) ? 1u : 0u;
-  }
-  six->command.loop.timeout_q12 = COMMUTATION_TIMEOUT_Q12 << shift;
-}
-
 HOT static void regulate(six_step_t *six, const six_step_view_t *view, int32_t target_rpm_q8) {
   if (view->settings->freeze && view->order->state == STATE_RUNNING) {
     regulate_freeze(&six->regulate);
@@ -219,7 +205,6 @@ HOT static void regulate(six_step_t *six, const six_step_view_t *view, int32_t t
     apply_settings(six, view->settings);
   }
   align(six, view->settings);
-  wait_for_crossing(six, view->in);
   const regulate_input_t input = regulate_input(six, view->order->tick);
   regulate_step(&six->regulate, &six->pwm, view, &input, target_rpm_q8);
 }
@@ -312,6 +297,25 @@ HOT outcome_t six_step_step(six_step_t *six, const chip_snapshot_t *in, const or
   }
 }
 
+// Unequal phases make slow crossings uneven, and a long interval follows a short one. The hardware's patience from a commutation
+// on is 1.5 times the last interval: it becomes 1.3 times the mean one or more, for intervals down to an eighth of it. A turn
+// repeats itself: the interval that the next crossing ends is known from there, before its commutation takes the patience over.
+HOT static uint32_t timeout_q12(const six_step_t *six, const order_t *order) {
+  const uint32_t mean_cycles = six->m.sector_cycles;
+  if (order->state == STATE_STARTING) {
+    return start_timeout_q12(&six->start);
+  }
+  if (mean_cycles <= SLOW_TICKS * (uint32_t)six->p->tick_cycles || six->command.sequence.timer != COMMUTATION_ZCD) {
+    return COMMUTATION_TIMEOUT_Q12;
+  }
+  const uint32_t last_cycles = measure_interval_cycles(&six->m, 0);
+  const uint32_t next_cycles = measure_interval_cycles(&six->m, TURN_INTERVALS - 1u);
+  const uint32_t least_cycles = (next_cycles < last_cycles) ? next_cycles : last_cycles;
+  return COMMUTATION_TIMEOUT_Q12 << ((uint32_t)(least_cycles < mean_cycles / 8u * 7u) +
+                                     (uint32_t)(least_cycles < mean_cycles / 2u) +
+                                     (uint32_t)(least_cycles < mean_cycles / 4u));
+}
+
 HOT void six_step_finish(six_step_t *six, const order_t *order) {
   const measured_t *m = &six->m;
   report_t *report = &six->report;
@@ -320,6 +324,7 @@ HOT void six_step_finish(six_step_t *six, const order_t *order) {
   loop->pulse_cycles_q8 = six->pwm.pulse_cycles_q8;
   loop->advance_q16 = six->regulate.advance_q16;
   loop->peak_q17 = m->peak_q17;
+  loop->timeout_q12 = timeout_q12(six, order);
   sequence_rectify(&six->command.sequence, six->pwm.sync_rect);
   if (order->state != STATE_RUNNING) {
     sequence_refresh(&six->command.sequence);

@@ -96,6 +96,10 @@ void start_let_go(start_t *s, int32_t emf_v_q25) { s->let_go_v_q17 = emf_v_q25 /
 
 void start_off(start_t *s) { s->gates = false; }
 
+uint32_t start_timeout_q12(const start_t *s) {
+  return (s->ramps && s->phase == START_LOCK) ? LOCK_TIMEOUT_Q12 : COMMUTATION_TIMEOUT_Q12;
+}
+
 bool start_prepares(const start_t *s) { return s->phase == START_LOCK || s->phase == START_HALL; }
 
 uint32_t start_longest_cycles(const start_t *s, const measured_t *m) {
@@ -111,7 +115,6 @@ static void begin_lock(const work_t *w) {
   sequence_time(sequence, COMMUTATION_ZCD);
   sequence_miss(sequence, w->s->ramps ? 0u : (uint32_t)p->miss_limit);
   sequence_force_on_miss(sequence, false);
-  w->command->loop.timeout_q12 = LOCK_TIMEOUT_Q12;
   w->s->locked_from = w->view->m->crossings;
   w->s->lock_ticks = 0;
   enter_phase(w->s, START_LOCK);
@@ -146,7 +149,6 @@ static void follow_caught(const work_t *w) {
   begin_lock(w);
   // The interval is known: a missed crossing is one.
   sequence_force_on_miss(sequence, true);
-  w->command->loop.timeout_q12 = COMMUTATION_TIMEOUT_Q12;
 }
 
 // The same by the edges, which are being measured. True: done.
@@ -334,6 +336,7 @@ static void begin_ramp(const work_t *w) {
   sequence_never_back(sequence);
   s->held_from = UINT32_MAX;
   s->interval_for = UINT32_MAX;
+  s->late_seen = w->view->in->late;
   handover_reset(&s->handover, 0);
   ramp_preset(&s->ramp, 0);
   apply_voltage(w, w->view->p->start_v_q25, true);

@@ -25,7 +25,7 @@ typedef struct {
   uint32_t caught_ticks;  // consecutive, of a rotor that may be caught: waits for the beginning of a sector
   uint32_t pulled_ticks;  // consecutive, while aligning: a load turns the rotor
   handover_t handover;
-  uint32_t late_seen;  // late crossings of the ramp, modulo 2^8
+  uint32_t late_seen;  // count of late crossings at the last tick of the ramp
   ramp_t ramp;
   uint32_t interval_for;  // commutation count for which the forced interval was computed
   uint32_t held_from;  // commutation count at which the hand-over speed was reached; UINT32_MAX before
@@ -55,6 +55,9 @@ outcome_t start_step(start_t *s, hall_t *h, pwm_t *pwm, six_step_command_t *comm
 
 // Phase in which the gains of the regulators are prepared.
 bool start_prepares(const start_t *s);
+
+// Patience with a crossing.
+uint32_t start_timeout_q12(const start_t *s);
 
 // Longest carrier period that gives enough pulses in a sector.
 uint32_t start_longest_cycles(const start_t *s, const measured_t *m);
