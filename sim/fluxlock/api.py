@@ -184,7 +184,9 @@ def _on_chip(
 
 
 def _on_twin(scenario: Scenario, seed: int, progress: Progress | None, load: PythonLoad | None) -> RunData:
+    from fluxlock.firmware.host import one_at_a_time
     from fluxlock.native.player import player
 
-    tell_building(progress, scenario.duration_s, "twin")
-    return player(scenario, seed).run(load, progress)
+    with one_at_a_time():
+        tell_building(progress, scenario.duration_s, "twin")
+        return player(scenario, seed).run(load, progress)
