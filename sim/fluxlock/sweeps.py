@@ -32,7 +32,7 @@ from fluxlock.config.errors import SET_OPTION
 from fluxlock.config.fields import Model
 from fluxlock.python_load import NAME, LoadFunction, PythonLoad
 from fluxlock.results.rundata import SimulationFault
-from fluxlock.workers import EXTRA, Cluster, OtherVersion, WorkerLost, on_scheduler, side_by_side, sources
+from fluxlock.workers import EXTRA, Cluster, OtherVersion, WorkerLost, on_scheduler, side_by_side, sources, versions
 
 if TYPE_CHECKING:
     import pandas
@@ -126,7 +126,11 @@ class Point:
     def key(self, seed: int | None, twin: bool, made_by: str) -> str:
         """Under which the result is kept."""
         settings = json.dumps(self.scenario.model_dump(mode="json"), sort_keys=True)
-        return content_hash([], made_by, settings, self.scenario.seed if seed is None else seed, twin)
+        return content_hash([], made_by, versions(), settings, self.scenario.seed if seed is None else seed, twin)
+
+    def row(self, found: Row) -> Row:
+        """What was found, behind the columns of this sweep: another one finds the same under other keys."""
+        return {"point": self.index, **_shown(self.keys), **found}
 
 
 @dataclass(frozen=True)
@@ -198,11 +202,11 @@ class Grid:
             if done is not None:
                 done(row)
 
-        def store_row(point: Point, row: Row) -> None:
+        def store_found(point: Point, found: Row) -> None:
             path = paths[point.index]
-            if path is not None and row["status"] != BROKEN:
-                write_whole(path, json.dumps(row))
-            keep(row)
+            if path is not None and found["status"] != BROKEN:
+                write_whole(path, json.dumps(found))
+            keep(point.row(found))
 
         with counting_bars() if progress else nullcontext() as bars:
             task = bars.add_task("points", total=len(self.points) + len(self.refused)) if bars is not None else None
@@ -211,13 +215,13 @@ class Grid:
             for point in self.points:
                 path = paths[point.index]
                 if path is not None and path.exists():
-                    keep(json.loads(path.read_text(encoding="utf-8")) | {"point": point.index})
+                    keep(point.row(json.loads(path.read_text(encoding="utf-8"))))
                 else:
                     left.append(point)
             if left:
                 try:
                     with on_scheduler(scheduler):
-                        side_by_side(partial(run_point, seed, twin, made_by, load), left, jobs, store_row)
+                        side_by_side(partial(run_point, seed, twin, made_by, load), left, jobs, store_found)
                 except (OtherVersion, WorkerLost) as error:
                     raise ConfigError([Problem("--jobs", str(jobs), str(error))]) from None
         return Sweep(self.axes, sorted(rows, key=lambda row: int(row["point"])))
@@ -238,18 +242,17 @@ def _shown(keys: Sequence[tuple[str, Any]]) -> Row:
 
 
 def run_point(seed: int | None, twin: bool, made_by: str, load: PythonLoad | None, point: Point) -> Row:
-    """Run one point and return its row. Raises OtherVersion where the sources are others."""
+    """Run one point and return its row but for the keys. Raises OtherVersion where the sources are others."""
     if sources() != made_by:
         raise OtherVersion("a worker has another version of Fluxlock: install the same one there, or use its checkout")
-    head = {"point": point.index, **_shown(point.keys)}
     try:
         run = run_checked(point.scenario, twin, seed, load_nm=load.function if load is not None else None)
     except ConfigError as error:  # of the twin, which cannot do all that the chip can
-        return {**head, "status": REFUSED, "reason": "; ".join(str(problem) for problem in error.problems)}
+        return {"status": REFUSED, "reason": "; ".join(str(problem) for problem in error.problems)}
     except SimulationFault as error:
-        return {**head, "status": BROKEN, "reason": str(error)}
+        return {"status": BROKEN, "reason": str(error)}
     status = RIGHT if run.verdict.passed else FAILED
-    return {**head, "status": status, "reason": "; ".join(run.verdict.failures), **flat(run.metrics)}
+    return {"status": status, "reason": "; ".join(run.verdict.failures), **flat(run.metrics)}
 
 
 def flat(metrics: Mapping[str, Any]) -> dict[str, float]:

@@ -20,7 +20,7 @@ import typer
 from typer.testing import CliRunner
 
 import fluxlock
-from fluxlock import sweeps, workers
+from fluxlock import sweep_cli, sweeps, workers
 from fluxlock.base.paths import ROOT
 from fluxlock.cli import app
 from fluxlock.command_line import run_command_line
@@ -203,6 +203,41 @@ def test_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert ran[4:] == [2, 3] and again.rows[0] == first.rows[2] | {"point": 0}
     fluxlock.sweep(short(), {"drive.commutation": ["RSC"]}, twin=True, folder=tmp_path, seed=2)
     assert ran[6:] == [0]
+
+
+def test_other_keys_in_one_folder(tmp_path: Path) -> None:
+    """A result that a sweep of other keys has left has the columns of the sweep that reads it, also if it failed.
+
+    Verifies: PACKAGE-8
+    """
+    keys = {**SHORT, "window": [{"name": "end", "from_s": 0.01, "to_s": 0.02}]}
+    keys["expect"] = [{"window": "end", "metric": "speed_rpm.mean", "min": 1e6}]
+    failing = fluxlock.scenario_of(OWN, keys)
+    axes = {"drive.commutation": ["RSC", "CSC"]}
+    first = fluxlock.sweep(failing, {"seed": [1], **axes}, twin=True, folder=tmp_path)
+    stored = {path: path.stat().st_mtime_ns for path in (tmp_path / "points").iterdir()}
+    other = fluxlock.sweep(failing, {"drive.commutation": ["CSC", "RSC"]}, twin=True, folder=tmp_path)
+    assert stored == {path: path.stat().st_mtime_ns for path in (tmp_path / "points").iterdir()} and len(stored) == 2
+    assert [row["status"] for row in other.rows] == ["failed", "failed"]
+    for row, before in zip(other.rows, first.rows[::-1], strict=True):
+        found = {key: value for key, value in before.items() if key not in ("seed", "point")}
+        assert {key: value for key, value in row.items() if key != "point"} == found
+    assert [row["drive.commutation"] for row in other.rows] == ["CSC", "RSC"]
+    assert "first at drive.commutation CSC" in sweep_cli.verdict(other).lines[1]
+    alone = fluxlock.sweep(failing, {"seed": [1]}, twin=True, folder=tmp_path)
+    assert list(alone.rows[0])[:2] == ["point", "seed"] and "first at seed 1" in sweep_cli.verdict(alone).lines[1]
+
+
+def test_other_packages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A result of other packages, NumPy's for instance, is none of these.
+
+    Verifies: PACKAGE-8
+    """
+    for version in ("1", "2"):
+        monkeypatch.setattr(sweeps, "versions", lambda version=version: {"numpy": version})
+        for _ in range(2):
+            fluxlock.sweep(short(), {"seed": [1]}, twin=True, folder=tmp_path)
+        assert len(list((tmp_path / "points").iterdir())) == int(version)
 
 
 def test_another_version(monkeypatch: pytest.MonkeyPatch) -> None:
