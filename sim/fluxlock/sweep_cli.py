@@ -77,7 +77,8 @@ def sweep(
             text = f'"{window}" is no window of the scenario, it has: {", ".join(known) or "none"}'
             raise ConfigError([Problem("--metric", name, text)])
     prepare_folder(folder, *FILES)
-    check_build()
+    if not twin and scheduler is None:
+        check_build()
     made = grid.run(twin=twin, seed=seed, jobs=jobs, scheduler=scheduler, folder=folder, progress=True)
     table = made.to_dataframe()
     table.to_parquet(folder / FILES[0])

@@ -28,7 +28,7 @@ from fluxlock.base.paths import content_hash
 from fluxlock.base.progress import counting_bars
 from fluxlock.base.writable import write_whole
 from fluxlock.config import ConfigError, Inverter, Motor, Problem, Scenario
-from fluxlock.config.errors import SET_OPTION
+from fluxlock.config.errors import SET_OPTION, ToolsMissing
 from fluxlock.config.fields import Model
 from fluxlock.python_load import NAME, LoadFunction, PythonLoad
 from fluxlock.results.rundata import SimulationFault
@@ -242,11 +242,16 @@ def _shown(keys: Sequence[tuple[str, Any]]) -> Row:
 
 
 def run_point(seed: int | None, twin: bool, made_by: str, load: PythonLoad | None, point: Point) -> Row:
-    """Run one point and return its row but for the keys. Raises OtherVersion where the sources are others."""
+    """Run one point and return its row but for the keys. Raises OtherVersion where the sources are others.
+
+    ToolsMissing: this machine cannot build the chip.
+    """
     if sources() != made_by:
         raise OtherVersion("a worker has another version of Fluxlock: install the same one there, or use its checkout")
     try:
         run = run_checked(point.scenario, twin, seed, load_nm=load.function if load is not None else None)
+    except ToolsMissing:  # of this machine, not of the point
+        raise
     except ConfigError as error:  # of the twin, which cannot do all that the chip can
         return {"status": REFUSED, "reason": "; ".join(str(problem) for problem in error.problems)}
     except SimulationFault as error:

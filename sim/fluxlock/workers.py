@@ -23,7 +23,7 @@ from typing import Any, Protocol, TypeVar
 
 from fluxlock.base.interrupts import begin_worker, hold_interrupts, release_interrupts
 from fluxlock.base.paths import BUILD, PACKAGE, ROOT, content_hash
-from fluxlock.config.errors import ConfigError, Problem
+from fluxlock.config.errors import ConfigError, Problem, ToolsMissing
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -54,7 +54,7 @@ class WorkerLost(RuntimeError):
 
 
 class OtherVersion(RuntimeError):
-    """A worker has another Fluxlock than the one that asks it, or another folder where both must have one."""
+    """A worker has another Fluxlock than the one that asks it, no tools, or another folder where both must have one."""
 
 
 @cache
@@ -115,7 +115,7 @@ def side_by_side(
     a thread of this process, for items that leave files as they go on. shares_build: items leave results in the folder
     `build`, which a worker must have at the same place. An exception of `work` ends the rest and is raised. WorkerLost:
     a process ended. ConfigError: no scheduler answers, or its last worker has gone. OtherVersion: a worker has other
-    sources, or another folder.
+    sources, another folder, or no tools for a build.
     """
     scheduler = _SCHEDULER.get()
     with _looking(look):
@@ -208,8 +208,12 @@ class _Asked:
 
     def call(self, work: Callable[[Item], Result], item: Item) -> Result:
         """Call work(item) on a worker, or raise OtherVersion: one that joins later has not been asked."""
-        self.check()
-        return work(item)
+        try:
+            self.check()
+            return work(item)
+        except (OtherVersion, ToolsMissing) as error:
+            worker: Any = import_module("distributed").get_worker()
+            raise OtherVersion(f"{worker.address}: {error}") from None
 
 
 def _on_dask(

@@ -5,6 +5,9 @@
 
 from __future__ import annotations
 
+import os
+import pickle
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -24,6 +27,7 @@ from fluxlock import sweep_cli, sweeps, workers
 from fluxlock.base.paths import ROOT
 from fluxlock.cli import app
 from fluxlock.command_line import run_command_line
+from fluxlock.config import Problem
 from fluxlock.population import run as population
 from fluxlock.sweeps import Axis, Grid
 from fluxverify import sweep_bench
@@ -375,6 +379,61 @@ def test_population_on_workers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert here == there and [row["index"] for row in here] == list(indices)
     names = [{path.name for path in (tmp_path / folder).rglob("*.json")} for folder in ("here", "there")]
     assert names[0] == names[1] and len(names[0]) > 0
+
+
+@pytest.fixture
+def bare_path(tmp_path: Path) -> str:
+    """PATH of a machine without compiler and make."""
+    folder = tmp_path / "bin"
+    folder.mkdir()
+    for name in ("sh", "uname", "getconf", "tr", "wc", "dirname", "perl"):
+        (folder / name).symlink_to(shutil.which(name) or name)
+    return str(folder)
+
+
+LACKS = "this machine lacks:\n  make: install make .*\n  g\\+\\+: install g\\+\\+ "
+
+
+def test_machine_without_tools(bare_path: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The chip asks for the compiler, from Python by ConfigError, and no point is kept as refused; the twin does not.
+
+    Verifies: PACKAGE-5, PACKAGE-8
+    """
+    monkeypatch.setenv("PATH", bare_path)
+    monkeypatch.delenv("CXX", raising=False)
+    with pytest.raises(fluxlock.ConfigError, match=f"^{LACKS}"):
+        fluxlock.simulate(short())
+    with pytest.raises(fluxlock.ConfigError, match=f"^{LACKS}"):
+        fluxlock.sweep(short(), GRID, folder=tmp_path, jobs=2)
+    assert not list((tmp_path / "points").iterdir())
+    arguments = ["sweep", str(OWN), "--out", str(tmp_path), "--jobs", "1", "--set", "motor.resistance_ohm=0.15"]
+    with pytest.raises(fluxlock.ConfigError, match=f"^{LACKS}"):
+        CliRunner().invoke(app, arguments, catch_exceptions=False)
+    assert CliRunner().invoke(app, [*arguments, "--twin"], catch_exceptions=False).exit_code == 0
+
+
+def test_worker_without_tools(bare_path: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A worker without a compiler is named with what it lacks, and lives on; it runs twins.
+
+    Verifies: PACKAGE-5, PACKAGE-9
+    """
+    monkeypatch.setattr(workers, "DESERTED_S", 1)
+    environment = {name: value for name, value in os.environ.items() if name != "CXX"} | {"PATH": bare_path}
+    with dask_workers(tmp_path, 1, environment) as dask:
+        named = rf"^--scheduler: {dask.address()}: tcp://\S+: {LACKS}"
+        with pytest.raises(fluxlock.ConfigError, match=named):
+            fluxlock.sweep(short(), {"seed": [1]}, scheduler=dask.address())
+        assert fluxlock.sweep(short(), {"seed": [1]}, twin=True, scheduler=dask.address()).passed
+
+
+def test_error_from_another_process() -> None:
+    """Problems and text of a ConfigError stay what they are on their way from a worker.
+
+    Verifies: PACKAGE-9
+    """
+    error = fluxlock.ConfigError([Problem("a", "b", "c"), Problem("", "", "d")])
+    again = pickle.loads(pickle.dumps(error))
+    assert (again.problems, str(again)) == (error.problems, "a: b: c\nd")
 
 
 # A worker in an environment that has Dask, but not this package.
