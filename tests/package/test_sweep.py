@@ -356,6 +356,7 @@ def test_population_without_a_scheduler(monkeypatch: pytest.MonkeyPatch) -> None
 # A worker that keeps its lives in a folder of its own: none is there before.
 LIVING = """
 import fluxlock.population.run as run, pathlib
+assert "copy" in run.__file__
 run.FOLDER = pathlib.Path("there").absolute()
 from distributed.cli.dask_worker import main
 main()
@@ -363,13 +364,16 @@ main()
 
 
 def test_population_on_workers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two workers give the rows of this process, bit for bit.
+    """Two workers in a copy of the checkout at another place give the rows of this process, bit for bit.
 
     Verifies: PACKAGE-9
     """
+    for name in ("sim", "rtl", "sw", "motors", "inverters", "scenarios"):
+        shutil.copytree(ROOT / name, tmp_path / "copy" / name)
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path / "copy" / "sim")}
     monkeypatch.setattr(population, "FOLDER", tmp_path / "here")
     indices, rows = range(3), []
-    with dask_workers(tmp_path, 0) as dask:
+    with dask_workers(tmp_path, 0, environment) as dask:
         for _ in range(2):
             dask.begin_worker(["-c", LIVING])
         for scheduler in (None, dask.address()):
