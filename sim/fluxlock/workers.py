@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from fluxlock.base.interrupts import begin_worker, hold_interrupts, release_interrupts
-from fluxlock.base.paths import BUILD, PACKAGE, ROOT, content_hash
+from fluxlock.base.paths import BUILD, PACKAGE, ROOT, SHARE, content_hash
 from fluxlock.config.errors import ConfigError, Problem, ToolsMissing
 
 Item = TypeVar("Item")
@@ -61,14 +61,17 @@ class OtherVersion(RuntimeError):
 def sources(package: str = "fluxlock") -> str:
     """Hash of everything that a result depends on: Python, RTL, firmware. Equal ones give equal bits.
 
-    package: "fluxverify" reads tests and shipped files of the checkout too.
+    It is the same wherever the folders lie, as in a wheel. package: "fluxverify" reads tests and shipped files of the
+    checkout too.
     """
     folders = [PACKAGE, ROOT / "rtl", ROOT / "sw", ROOT / "sim" / "native"]
     if package != PACKAGE.name:
         folders += [PACKAGE.with_name(package), *(ROOT / x for x in ("scenarios", "motors", "inverters"))]
         folders.append(ROOT / "cocotb_tests")
     kinds = (".py", ".sv", ".svh", ".f", ".rdl", ".c", ".h", ".S", ".ld", ".toml", ".cpp", ".vlt")
-    return content_hash(p for folder in folders for p in folder.rglob("*") if p.suffix in kinds and p.is_file())
+    found = [[p for p in folder.rglob("*") if p.suffix in kinds and p.is_file()] for folder in folders]
+    found[0] = [p for p in found[0] if not p.is_relative_to(SHARE)]
+    return content_hash([], *map(content_hash, found))
 
 
 @cache
