@@ -143,7 +143,8 @@ def test_traces(run: fluxlock.Run) -> None:
 
     Verifies: PACKAGE-7
     """
-    assert set(run.traces) == set(fluxlock.UNITS)
+    assert set(fluxlock.UNITS) - set(run.traces) == {"id", "ie", "vd", "ve"}  # of five phases
+    assert {"t_s", *run.to_dataframe().attrs["units"]} == set(run.traces)
     t_s, theta = run.traces["t_s"], run.traces["theta_e_rad"]
     assert {len(trace) for trace in run.traces.values()} == {len(t_s)} and t_s[-1] == pytest.approx(0.3, abs=1e-3)
     turned = np.trapezoid(run.traces["speed_rpm"], t_s) / 60 * run.scenario.motor.pole_pairs * 2 * np.pi
@@ -182,6 +183,8 @@ def test_plot(run: fluxlock.Run) -> None:
     assert [panel.get_ylabel() for panel in panels] == ["speed_rpm / r/min", "ia / A"]
     with pytest.raises(fluxlock.ConfigError, match="permitted: t_s"):
         run.plot("current")
+    with pytest.raises(fluxlock.ConfigError, match=r"^plot: id: no such trace, permitted: t_s, .*, ic, va, "):
+        run.plot("id")
 
 
 def test_changed_in_code() -> None:
