@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import os
+import re
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -26,11 +27,12 @@ from fluxlock.workers import EXTRA
 if TYPE_CHECKING:
     import pandas
 
-    from fluxlock.sweeps import Sweep
+    from fluxlock.sweeps import Row, Sweep
 
 EXIT_FAILED = 1
 METRICS = ("speed_rpm.mean", "commutation_error_deg.rms", "angle_error_deg.rms", "torque_nm.mean")
 FILES = ("sweep.parquet", "overview.png")
+NUMBER = re.compile(r"-?\d[\d.e+-]*")
 
 
 def sweep(
@@ -92,16 +94,21 @@ def sweep(
 
 
 def verdict(made: Sweep) -> Verdict:
-    """`ok` where every point that ran is right; each kind of failure and of refusal with its first point."""
+    """`ok` where every point that ran is right; each kind of failure and each reason of a refusal with its first point.
+
+    Reasons that differ by their numbers alone are one.
+    """
     ran = len(made.rows) - made.count("refused")
-    reasons: dict[str, str] = {}
+    kinds: dict[tuple[str, str], list[Row]] = {}
     for row in made.rows:
         if row["status"] != "right":
-            at = ", ".join(f"{axis.key} {_number(row[axis.key])}" for axis in made.axes)
-            kind = f"{row['status']} ({made.count(row['status'])})"
-            reasons.setdefault(kind, f"{kind}, first at {at}: {row['reason']}")
-    head = f"{made.count('right')} of {ran} points right" + ("" if ran else ": the checks refuse every point")
-    return Verdict(made.passed, [head, *reasons.values()])
+            reason = NUMBER.sub("", row["reason"]) if row["status"] == "refused" else ""
+            kinds.setdefault((row["status"], reason), []).append(row)
+    lines = [f"{made.count('right')} of {ran} points right" + ("" if ran else ": the checks refuse every point")]
+    for (status, _), rows in kinds.items():
+        at = ", ".join(f"{axis.key} {_number(rows[0][axis.key])}" for axis in made.axes)
+        lines.append(f"{status} ({len(rows)}), first at {at}: {rows[0]['reason']}")
+    return Verdict(made.passed, lines)
 
 
 def metrics_of(table: pandas.DataFrame, asked: list[str]) -> list[str]:

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fluxlock.api import plain, results_folder, run_checked, scenario_of, seed_of, whole
-from fluxlock.base.paths import content_hash
+from fluxlock.base.paths import content_hash, shipped
 from fluxlock.base.progress import counting_bars
 from fluxlock.base.writable import write_whole
 from fluxlock.config import ConfigError, Inverter, Motor, Problem, Scenario
@@ -150,7 +150,7 @@ class Grid:
         empty = [axis.key for axis in axes if not axis.values]
         if empty:
             raise ConfigError([Problem("", key, "has no value: give it one at least") for key in empty])
-        made = tuple(axis.of(scenario) for axis in axes)
+        made = tuple(replace(axis, key=axis.key.replace("__", ".")).of(scenario) for axis in axes)
         count = math.prod(len(axis.values) for axis in made)
         if not made or not 1 <= count <= POINTS_MAX:
             text = f"{count} points, permitted 1 to {POINTS_MAX}" if made else "no key to change: give one its values"
@@ -158,7 +158,9 @@ class Grid:
         twice = sorted(key for key, n in Counter(axis.key for axis in made).items() if n > 1)
         if twice:
             raise ConfigError([Problem("", key, "is there twice; give it one range") for key in twice])
-        points, refused, problems = [], [], list[Problem]()
+        points, refused, problems = [], [], _lost_files(scenario, made)
+        if problems:
+            raise ConfigError(problems)
         for index, values in enumerate(itertools.product(*(axis.values for axis in made))):
             keys = tuple(zip((axis.key for axis in made), values, strict=True))
             try:
@@ -225,6 +227,19 @@ class Grid:
                 except (OtherVersion, WorkerLost) as error:
                     raise ConfigError([Problem("--jobs", str(jobs), str(error))]) from None
         return Sweep(self.axes, sorted(rows, key=lambda row: int(row["point"])))
+
+
+def _lost_files(scenario: Scenario, axes: Iterable[Axis]) -> list[Problem]:
+    """Files of motors and inverters that do not exist: no machine that the checks could refuse."""
+    found = []
+    for axis in axes:
+        for value in axis.values:
+            if axis.key in ("motor", "inverter") and isinstance(value, str) and not shipped(Path(value)).exists():
+                try:
+                    scenario_of(scenario, {axis.key: value})
+                except ConfigError as error:
+                    found += [problem for problem in error.problems if problem.key == axis.key]
+    return found
 
 
 def _checked(scenario: Scenario, keys: Mapping[str, Any]) -> Scenario:

@@ -108,6 +108,10 @@ def test_grid() -> None:
         Grid.of(short(), [Axis("motor.resistance_ohm", (-1.0,)), Axis("motor.no_such", (1, 2))])
     with pytest.raises(fluxlock.ConfigError, match="is there twice"):
         Grid.of(short(), [Axis("seed", (1,)), Axis("seed", (2,))])
+    with pytest.raises(fluxlock.ConfigError, match="is there twice"):
+        Grid.of(short(), [Axis("motor__resistance_ohm", (1,)), Axis("motor.resistance_ohm", (2,))])
+    (scaled,) = Grid.of(short(), [Axis("motor__resistance_ohm", (0.5,), factors=True)]).axes
+    assert scaled == Axis("motor.resistance_ohm", (0.075,))
     with pytest.raises(fluxlock.ConfigError, match=r"motor\.resistance_ohm: has no value(.|\n)*seed: has no value"):
         fluxlock.sweep(short(), {"motor.resistance_ohm": [], "drive.commutation": ["RSC"], "seed": []})
     with pytest.raises(fluxlock.ConfigError, match="no key to change"):
@@ -172,6 +176,42 @@ def test_machine_that_cannot_run() -> None:
         assert [row["status"] for row in made.rows] == ["right", "refused"]
         assert "phases" in made.rows[1]["reason"]
         assert [row["motor"] for row in made.rows] == names
+
+
+def test_file_that_is_not_there(tmp_path: Path) -> None:
+    """The file of a motor or an inverter that does not exist is a typo: it ends the sweep before the first run.
+
+    Verifies: PACKAGE-8
+    """
+    own = "motors/spindle-2pp.toml"
+    lost = (
+        r"^motor: file not found \(motors/spindle-2p\.toml\), did you mean \"spindle-2pp\.toml\"\?\ninverter: file not"
+    )
+    axes = {"motor": [own, "motors/spindle-2p.toml"], "inverter": ["inverters/nope.toml"]}
+    with pytest.raises(fluxlock.ConfigError, match=lost):
+        fluxlock.sweep(short(), axes, twin=True, folder=tmp_path)
+    arguments = ["sweep", str(OWN), "--twin", "--out", str(tmp_path), "--set", f"motor={own},motors/nope.toml"]
+    with pytest.raises(fluxlock.ConfigError, match=r"motor: file not found \(motors/nope\.toml\)"):
+        CliRunner().invoke(app, arguments, catch_exceptions=False)
+    assert not list(tmp_path.rglob("*.json"))
+
+
+def test_each_reason() -> None:
+    """The verdict has each reason of a refusal with the first of its points; other numbers are no other reason.
+
+    Verifies: PACKAGE-8
+    """
+    axis = Axis("motor", ("a", "b", "c", "d"))
+    reasons = ["R -1 is out of range", "R -2e-3 is out of range", "five phases", ""]
+    rows = [
+        {"point": k, "motor": name, "status": "refused" if reason else "right", "reason": reason}
+        for k, (name, reason) in enumerate(zip(axis.values, reasons, strict=True))
+    ]
+    assert sweep_cli.verdict(sweeps.Sweep((axis,), rows)).lines == [
+        "1 of 1 points right",
+        "refused (2), first at motor a: R -1 is out of range",
+        "refused (1), first at motor c: five phases",
+    ]
 
 
 def test_progress(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
