@@ -325,7 +325,7 @@ class Sweep:
 def axes_of(axes: Mapping[str, Sequence[Any] | str] | Sequence[Axis]) -> list[Axis]:
     """Axes with plain values, of key -> values or of key -> a range in words; ConfigError for what is none."""
     if not isinstance(axes, Mapping):
-        if not all(isinstance(axis, Axis) for axis in axes):
+        if not isinstance(axes, Iterable) or not all(isinstance(axis, Axis) for axis in axes):
             raise ConfigError([Problem("", "", f"must be a dict, key: values, not {axes!r}")])
         return [replace(axis, values=tuple(map(plain, axis.values))) for axis in axes]
     made = []

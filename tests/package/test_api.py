@@ -257,6 +257,9 @@ def test_numbers_of_numpy(key: str, value: object, expected: object) -> None:
         ({"seed": 1.5}, r"^seed: .*not 1\.5$"),
         ({"seed": True}, r"^seed: .*not True$"),
         ({"folder": OWN}, r"^folder: .*own-spindle\.toml: cannot be written: .*; name another folder$"),
+        ({"twinn": True}, r'^twinn: unknown keyword, did you mean "twin"\?$'),
+        ({"Folder": "x", "sed": 3}, r'^Folder: unknown keyword, .*"folder"\?\nsed: unknown keyword, .*"seed"\?$'),
+        ({"drives": {}}, r'^drives: unknown key, did you mean "drive"\?$'),
         ({"drive__comutation": "CSC"}, r'^drive\.comutation: unknown key, did you mean "commutation"\?$'),
     ],
 )
@@ -267,6 +270,22 @@ def test_bad_arguments(arguments: dict[str, Any], message: str) -> None:
     """
     with pytest.raises(fluxlock.ConfigError, match=message):
         fluxlock.simulate(OWN, twin=True, **arguments)
+
+
+@pytest.mark.parametrize("given", [5, None, fluxlock.Motor, {"name": "x"}])
+def test_no_scenario(given: Any) -> None:
+    """What is neither a model nor the path of its file is refused in a line that says what it must be.
+
+    Verifies: PACKAGE-7
+    """
+    for call in (fluxlock.simulate, fluxlock.scenario_of, lambda given: fluxlock.sweep(given, {"seed": [1]})):
+        with pytest.raises(fluxlock.ConfigError, match=r"^scenario: must be a Scenario or the path of its file, not "):
+            call(given)
+    for load, kind in ((fluxlock.load_motor, "a motor file"), (fluxlock.load_inverter, "an inverter file")):
+        with pytest.raises(fluxlock.ConfigError, match=rf"^must be the path of {kind}, not "):
+            load(given)
+    with pytest.raises(fluxlock.ConfigError, match=r"^must be the path of a scenario, not "):
+        fluxlock.load_scenario(given)
 
 
 def test_chip(tmp_path: Path) -> None:

@@ -144,6 +144,8 @@ def test_axes_from_code(stated: Any, values: tuple[Any, ...]) -> None:
 @pytest.mark.parametrize(
     ("axes", "options", "message"),
     [
+        (None, {}, "^must be a dict, key: values, not None$"),
+        (5, {}, "^must be a dict, key: values, not 5$"),
         ({"seed": 5}, {}, r"^seed: must be a list of values, not 5$"),
         ({"motor": fluxlock.load_motor(ROOT / "motors" / "spindle-2pp.toml")}, {}, "^motor: must be a list of values"),
         (["seed=1:2:2"], {}, r"^must be a dict, key: values, not \['seed=1:2:2'\]$"),
