@@ -17,7 +17,7 @@ from rich.table import Table
 
 from fluxlock.base.paths import RESULTS
 from fluxlock.command_line import SchedulerOption
-from fluxlock.config import ConfigError, Problem
+from fluxlock.config import ConfigError, Problem, Scenario
 from fluxlock.config.errors import did_you_mean
 from fluxlock.help import complete_toml
 from fluxlock.results.verdict import Verdict, say
@@ -87,7 +87,7 @@ def sweep(
     names = metrics_of(table, metric or [])
     say(verdict(made))
     Console().print(printed(made, table, names))
-    draw(made, table, names, folder / FILES[1])
+    draw(made, table, names, folder / FILES[1], title_of(base, made, twin, seed))
     print(f"written: {folder}/{', '.join(FILES)}")
     if not made.passed:
         raise typer.Exit(EXIT_FAILED)
@@ -139,7 +139,13 @@ def printed(made: Sweep, table: pandas.DataFrame, names: list[str]) -> Table:
     return shown
 
 
-def draw(made: Sweep, table: pandas.DataFrame, names: list[str], path: Path) -> None:
+def title_of(base: Scenario, made: Sweep, twin: bool, seed: int | None) -> str:
+    """What the picture is of."""
+    used = base.seed if seed is None and "seed" not in (axis.key for axis in made.axes) else seed
+    return f"{base.name}, {'twin' if twin else 'chip'}" + ("" if used is None else f", seed {used}")
+
+
+def draw(made: Sweep, table: pandas.DataFrame, names: list[str], path: Path, title: str) -> None:
     """A panel per metric over the first key, a line per value of the others; what is not right is marked."""
     from matplotlib.figure import Figure
 
@@ -160,5 +166,6 @@ def draw(made: Sweep, table: pandas.DataFrame, names: list[str], path: Path) -> 
         panel.grid(alpha=0.3)
     if others and names:
         panels[0].legend(fontsize="small")
-    panels[-1].set_xlabel(f"{first}; crosses: the run failed its verdict")
+    panels[-1].set_xlabel(first + ("; crosses: the run failed its verdict" if made.count("failed") else ""))
+    figure.suptitle(title)
     save(figure, path)

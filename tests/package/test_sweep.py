@@ -20,6 +20,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import typer
+from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 import fluxlock
@@ -30,6 +31,7 @@ from fluxlock.command_line import run_command_line
 from fluxlock.config import Problem
 from fluxlock.population import run as population
 from fluxlock.sweeps import Axis, Grid
+from fluxlock.theory.six_step import plots
 from fluxverify import sweep_bench
 from fluxverify.cli import app as verify
 from tests.package.dask_workers import BEGIN_S, dask_workers
@@ -557,6 +559,39 @@ def test_command(tmp_path: Path) -> None:
     ):
         CliRunner().invoke(app, [*arguments, "--metric", "steady.nope"], catch_exceptions=False)
     assert len(pd.read_parquet(tmp_path / "sweep.parquet")) == 2
+
+
+@pytest.mark.parametrize("failed", [False, True])
+def test_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failed: bool) -> None:
+    """The picture says of what it is; it explains crosses where it has some.
+
+    Verifies: PACKAGE-8
+    """
+    drawn: list[Figure] = []
+    monkeypatch.setattr(plots, "save", lambda figure, path: drawn.append(figure))
+    name = "end.speed_rpm.mean"
+    rows = [{"point": 0, "seed": 1, "status": "right", "reason": "", name: 1.0}]
+    rows += [{"point": 1, "seed": 2, "status": "failed" if failed else "right", "reason": "", name: 2.0}]
+    made = sweeps.Sweep((Axis("seed", (1, 2)),), rows)
+    sweep_cli.draw(made, made.to_dataframe(), [name], tmp_path / "overview.png", "spindle, twin")
+    assert drawn[0].get_suptitle() == "spindle, twin"
+    assert drawn[0].axes[-1].get_xlabel() == "seed" + ("; crosses: the run failed its verdict" if failed else "")
+
+
+@pytest.mark.parametrize(
+    ("axes", "options", "title"),
+    [
+        (("motor.resistance_ohm",), (True, None), "own-spindle, twin, seed 1"),
+        (("motor.resistance_ohm", "seed"), (False, None), "own-spindle, chip"),
+        (("seed",), (True, 7), "own-spindle, twin, seed 7"),
+    ],
+)
+def test_title(axes: tuple[str, ...], options: tuple[bool, int | None], title: str) -> None:
+    """Scenario, twin or chip, and the seed unless it is a key of the grid.
+
+    Verifies: PACKAGE-8
+    """
+    assert sweep_cli.title_of(short(), sweeps.Sweep(tuple(Axis(key, ()) for key in axes), []), *options) == title
 
 
 def test_bench(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
