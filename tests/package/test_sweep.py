@@ -168,6 +168,19 @@ def test_bad_arguments(axes: Any, options: dict[str, Any], message: str) -> None
         fluxlock.sweep(short(), axes, twin=True, **options)
 
 
+def test_alignment_on_the_twin() -> None:
+    """The twin, which has no carrier, does not tell RSC from NSC, as the page says; CSC is another drive.
+
+    Verifies: PACKAGE-8
+    """
+    keys = {**SHORT, "duration_s": 0.1, "window": [{"name": "end", "from_s": 0.09, "to_s": 0.1}]}
+    keys |= {"initial.speed_rpm": 14_000.0, "event": [{"at_s": 0.004, "speed_rpm": 15_000.0}]}
+    keys["event"] += [{"at_s": 0.005, "command": "start"}]
+    made = fluxlock.sweep(fluxlock.scenario_of(OWN, keys), {"drive.commutation": "RSC,NSC,CSC"}, twin=True)
+    rsc, nsc, csc = ({key: row[key] for key in row if key.startswith("end.")} for row in made.rows)
+    assert rsc == nsc != csc and len(rsc) > 3
+
+
 def test_machine_that_cannot_run() -> None:
     """A machine that the twin is not, inside a grid: its row says why, in words of its key, and the others run.
 
