@@ -30,7 +30,10 @@ TRACE = "trace.npz"
 RESULT = "result.json"
 
 
-#: Traces of a run and their units, `UNITS["ia"]`; a run has those of its phases, see `Run.traces`.
+#: Traces of a run and their units; a run has those of its phases, see `Run.traces`.
+#:
+#: >>> UNITS["ia"], UNITS["speed_rpm"]
+#: ('A', 'r/min')
 UNITS = {
     "t_s": "s",
     "theta_e_rad": "rad",
