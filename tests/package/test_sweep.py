@@ -11,6 +11,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -34,6 +35,8 @@ from fluxlock.sweeps import Axis, Grid
 from fluxlock.theory.six_step import plots
 from fluxverify import sweep_bench
 from fluxverify.cli import app as verify
+from fluxverify.figures import command as figures
+from fluxverify.regression import run as regression
 from tests.package.dask_workers import BEGIN_S, dask_workers
 
 OWN = ROOT / "scenarios" / "own-spindle.toml"
@@ -495,6 +498,35 @@ def test_error_from_another_process() -> None:
     error = fluxlock.ConfigError([Problem("a", "b", "c"), Problem("", "", "d")])
     again = pickle.loads(pickle.dumps(error))
     assert (again.problems, str(again)) == (error.problems, "a: b: c\nd")
+
+
+def of_regression(folder: Path) -> object:
+    """Rows of a case that runs the firmware's functions on the host."""
+    names = ["vector/observer-delay/host"]
+    return regression.run_cases(names, quick=True, jobs=2)["rows"]
+
+
+def of_figures(folder: Path) -> object:
+    """A figure without a run of the chip, and its picture."""
+    drawn = figures.draw_all(figures.select("six-step", ["5.10"]), "six-step", folder, True, 1, 2)
+    return drawn, [(path.name, path.read_bytes()) for path in sorted(folder.iterdir())]
+
+
+@pytest.mark.parametrize("run", [of_regression, of_figures])
+def test_long_runs_on_workers(run: Callable[[Path], object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Regression and figures give the same on workers as in the pool, bit for bit.
+
+    Verifies: PACKAGE-9
+    """
+    for module in (regression, figures):
+        monkeypatch.setattr(module, "prepare_runs", lambda quick: None)  # no chip in these
+    found = []
+    with dask_workers(tmp_path, 1) as dask:
+        for place, scheduler in (("pool", None), ("workers", dask.address())):
+            (tmp_path / place).mkdir()
+            with workers.on_scheduler(scheduler):
+                found.append(run(tmp_path / place))
+    assert found[0] == found[1] and "failure" not in str(found[0]).replace("'failure': ''", "")
 
 
 # A worker in an environment that has Dask, but not this package.
