@@ -29,6 +29,7 @@ from fluxlock.command_line import run_command_line
 from fluxlock.config import Problem
 from fluxlock.population import run as population
 from fluxlock.sweeps import Axis, Grid
+from fluxverify.campaign import fuzz
 from fluxverify.cli import app as verify
 from fluxverify.figures import command as figures
 from fluxverify.regression import run as regression
@@ -252,21 +253,26 @@ def of_figures(folder: Path) -> object:
     return drawn, [(path.name, path.read_bytes()) for path in sorted(folder.iterdir())]
 
 
-@pytest.mark.parametrize("run", [of_regression, of_figures])
+def of_fuzz(folder: Path) -> object:
+    """Two copies of a chip that writes to registers at random."""
+    return fuzz.fuzz("six-step", 1, 2, 1e-3, 2)
+
+
+@pytest.mark.parametrize("run", [of_regression, of_figures, of_fuzz])
 def test_long_runs_on_workers(run: Callable[[Path], object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Regression and figures give the same on workers as in the pool, bit for bit.
+    """Regression, figures and fuzz give the same on workers as in the pool, bit for bit.
 
     Verifies: PACKAGE-9
     """
     for module in (regression, figures):
-        monkeypatch.setattr(module, "prepare_runs", lambda quick: None)  # no chip in these
+        monkeypatch.setattr(module, "prepare_runs", lambda quick: None)  # their part has no chip
     found = []
     with dask_workers(tmp_path, 1) as dask:
         for place, scheduler in (("pool", None), ("workers", dask.address())):
             (tmp_path / place).mkdir()
             with workers.on_scheduler(scheduler):
                 found.append(run(tmp_path / place))
-    assert found[0] == found[1] and "failure" not in str(found[0]).replace("'failure': ''", "")
+    assert found[0] and found[0] == found[1] and "failure" not in str(found[0]).replace("'failure': ''", "")
 
 
 # A worker in an environment that has Dask, but not this package.
