@@ -17,10 +17,12 @@ the simulator and raises KeyboardInterrupt, in a notebook as in a shell.
 
 from __future__ import annotations
 
+import re
 import tempfile
 from collections.abc import Mapping
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, replace
+from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,7 +31,7 @@ import numpy as np
 from fluxlock.base.stage import PLOTTING, Progress, ProgressInfo, tell_building
 from fluxlock.base.writable import check_folder
 from fluxlock.config import ConfigError, Inverter, Motor, Problem, Scenario, load_scenario
-from fluxlock.config.errors import SET_OPTION
+from fluxlock.config.errors import SET_OPTION, closest
 from fluxlock.config.loader import Override, changed
 from fluxlock.config.scenario import SEED_MAX
 from fluxlock.cosim.outcome import Run, finished, write_outcome
@@ -51,6 +53,9 @@ def scenario_of(scenario: Scenario | Path | str, overrides: Mapping[str, object]
     >>> scenario_of("scenarios/own-spindle.toml", {"motor.resistance_ohm": 0.2}).motor.resistance_ohm  # Ohm, phases
     (0.2, 0.2, 0.2)
     """
+    if not isinstance(scenario, (Scenario, str, Path)):
+        text = f"must be a Scenario or the path of its file, not {scenario!r:.60}"
+        raise ConfigError([Problem("scenario", "", text)])
     keys = [(key.replace("__", ".").split("."), plain(value)) for key, value in (overrides or {}).items()]
     changes = [Override(tuple(parts), value) for parts, value in keys]
     try:
@@ -129,10 +134,22 @@ def simulate(
     from fluxlock.base.progress import ProgressBar
     from fluxlock.cosim.parameters import check_parameters
 
+    _check_keywords(overrides)
     loaded = scenario_of(scenario, overrides)
     check_parameters(loaded)
     with ProgressBar(Console(stderr=True), loaded.duration_s) if progress else nullcontext() as bar:
         return run_checked(loaded, twin, seed, folder, plots, bar, load_nm)
+
+
+def _check_keywords(overrides: Mapping[str, object]) -> None:
+    """ConfigError where an unknown key is most like another argument of `simulate`."""
+    arguments = [name for name, p in signature(simulate).parameters.items() if p.kind is p.KEYWORD_ONLY]
+    unknown = [key for key in overrides if key not in Scenario.model_fields and not re.search(r"\.|__", key)]
+    near = {key: closest(key, [*arguments, *Scenario.model_fields]) for key in unknown}
+    meant = {key: name for key, name in near.items() if name in arguments}
+    if meant:
+        text = 'unknown keyword, did you mean "{}"?'
+        raise ConfigError([Problem(key, "", text.format(name)) for key, name in meant.items()])
 
 
 @dataclass(frozen=True)
@@ -184,7 +201,9 @@ def _on_chip(
 
 
 def _on_twin(scenario: Scenario, seed: int, progress: Progress | None, load: PythonLoad | None) -> RunData:
+    from fluxlock.firmware.host import one_at_a_time
     from fluxlock.native.player import player
 
-    tell_building(progress, scenario.duration_s, "twin")
-    return player(scenario, seed).run(load, progress)
+    with one_at_a_time():
+        tell_building(progress, scenario.duration_s, "twin")
+        return player(scenario, seed).run(load, progress)

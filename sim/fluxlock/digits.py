@@ -5,7 +5,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 NO_BREAK = "\u00a0"
+
+
+def apart(value: float, limits: Collection[float]) -> str:
+    """A value with four digits, all of a whole number, or as many more as show on which side of each limit it is."""
+
+    def sides(number: float) -> list[int]:
+        return [(number > limit) - (number < limit) for limit in limits]
+
+    whole = len(f"{abs(value):.0f}")
+    texts = (f"{value:.{digits}g}" for digits in range(max(4, whole if whole < 10 else 0), 17))
+    return next((text for text in texts if sides(float(text)) == sides(value)), repr(value))
 
 
 def thousands(value: float, gap: str = " ") -> str:

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import os
+import re
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,7 +17,7 @@ from rich.table import Table
 
 from fluxlock.base.paths import RESULTS
 from fluxlock.command_line import SchedulerOption
-from fluxlock.config import ConfigError, Problem
+from fluxlock.config import ConfigError, Problem, Scenario
 from fluxlock.config.errors import did_you_mean
 from fluxlock.help import complete_toml
 from fluxlock.results.verdict import Verdict, say
@@ -26,11 +27,12 @@ from fluxlock.workers import EXTRA
 if TYPE_CHECKING:
     import pandas
 
-    from fluxlock.sweeps import Sweep
+    from fluxlock.sweeps import Row, Sweep
 
 EXIT_FAILED = 1
 METRICS = ("speed_rpm.mean", "commutation_error_deg.rms", "angle_error_deg.rms", "torque_nm.mean")
 FILES = ("sweep.parquet", "overview.png")
+NUMBER = re.compile(r"-?\d[\d.e+-]*")
 
 
 def sweep(
@@ -77,30 +79,36 @@ def sweep(
             text = f'"{window}" is no window of the scenario, it has: {", ".join(known) or "none"}'
             raise ConfigError([Problem("--metric", name, text)])
     prepare_folder(folder, *FILES)
-    check_build()
+    if not twin and scheduler is None:
+        check_build()
     made = grid.run(twin=twin, seed=seed, jobs=jobs, scheduler=scheduler, folder=folder, progress=True)
     table = made.to_dataframe()
     table.to_parquet(folder / FILES[0])
     names = metrics_of(table, metric or [])
     say(verdict(made))
     Console().print(printed(made, table, names))
-    draw(made, table, names, folder / FILES[1])
+    draw(made, table, names, folder / FILES[1], title_of(base, made, twin, seed))
     print(f"written: {folder}/{', '.join(FILES)}")
     if not made.passed:
         raise typer.Exit(EXIT_FAILED)
 
 
 def verdict(made: Sweep) -> Verdict:
-    """`ok` where every point that ran is right; each kind of failure and of refusal with its first point."""
+    """`ok` where every point that ran is right; each kind of failure and each reason of a refusal with its first point.
+
+    Reasons that differ by their numbers alone are one.
+    """
     ran = len(made.rows) - made.count("refused")
-    reasons: dict[str, str] = {}
+    kinds: dict[tuple[str, str], list[Row]] = {}
     for row in made.rows:
         if row["status"] != "right":
-            at = ", ".join(f"{axis.key} {_number(row[axis.key])}" for axis in made.axes)
-            kind = f"{row['status']} ({made.count(row['status'])})"
-            reasons.setdefault(kind, f"{kind}, first at {at}: {row['reason']}")
-    head = f"{made.count('right')} of {ran} points right" + ("" if ran else ": the checks refuse every point")
-    return Verdict(made.passed, [head, *reasons.values()])
+            reason = NUMBER.sub("", row["reason"]) if row["status"] == "refused" else ""
+            kinds.setdefault((row["status"], reason), []).append(row)
+    lines = [f"{made.count('right')} of {ran} points right" + ("" if ran else ": the checks refuse every point")]
+    for (status, _), rows in kinds.items():
+        at = ", ".join(f"{axis.key} {_number(rows[0][axis.key])}" for axis in made.axes)
+        lines.append(f"{status} ({len(rows)}), first at {at}: {rows[0]['reason']}")
+    return Verdict(made.passed, lines)
 
 
 def metrics_of(table: pandas.DataFrame, asked: list[str]) -> list[str]:
@@ -131,7 +139,13 @@ def printed(made: Sweep, table: pandas.DataFrame, names: list[str]) -> Table:
     return shown
 
 
-def draw(made: Sweep, table: pandas.DataFrame, names: list[str], path: Path) -> None:
+def title_of(base: Scenario, made: Sweep, twin: bool, seed: int | None) -> str:
+    """What the picture is of."""
+    used = base.seed if seed is None and "seed" not in (axis.key for axis in made.axes) else seed
+    return f"{base.name}, {'twin' if twin else 'chip'}" + ("" if used is None else f", seed {used}")
+
+
+def draw(made: Sweep, table: pandas.DataFrame, names: list[str], path: Path, title: str) -> None:
     """A panel per metric over the first key, a line per value of the others; what is not right is marked."""
     from matplotlib.figure import Figure
 
@@ -152,5 +166,6 @@ def draw(made: Sweep, table: pandas.DataFrame, names: list[str], path: Path) -> 
         panel.grid(alpha=0.3)
     if others and names:
         panels[0].legend(fontsize="small")
-    panels[-1].set_xlabel(f"{first}; crosses: the run failed its verdict")
+    panels[-1].set_xlabel(first + ("; crosses: the run failed its verdict" if made.count("failed") else ""))
+    figure.suptitle(title)
     save(figure, path)

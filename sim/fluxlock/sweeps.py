@@ -24,15 +24,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fluxlock.api import plain, results_folder, run_checked, scenario_of, seed_of, whole
-from fluxlock.base.paths import content_hash
+from fluxlock.base.paths import content_hash, shipped
 from fluxlock.base.progress import counting_bars
 from fluxlock.base.writable import write_whole
 from fluxlock.config import ConfigError, Inverter, Motor, Problem, Scenario
-from fluxlock.config.errors import SET_OPTION
+from fluxlock.config.errors import SET_OPTION, ToolsMissing
 from fluxlock.config.fields import Model
 from fluxlock.python_load import NAME, LoadFunction, PythonLoad
 from fluxlock.results.rundata import SimulationFault
-from fluxlock.workers import EXTRA, Cluster, OtherVersion, WorkerLost, on_scheduler, side_by_side, sources
+from fluxlock.workers import EXTRA, Cluster, OtherVersion, WorkerLost, on_scheduler, side_by_side, sources, versions
 
 if TYPE_CHECKING:
     import pandas
@@ -126,7 +126,11 @@ class Point:
     def key(self, seed: int | None, twin: bool, made_by: str) -> str:
         """Under which the result is kept."""
         settings = json.dumps(self.scenario.model_dump(mode="json"), sort_keys=True)
-        return content_hash([], made_by, settings, self.scenario.seed if seed is None else seed, twin)
+        return content_hash([], made_by, versions(), settings, self.scenario.seed if seed is None else seed, twin)
+
+    def row(self, found: Row) -> Row:
+        """What was found, behind the columns of this sweep: another one finds the same under other keys."""
+        return {"point": self.index, **_shown(self.keys), **found}
 
 
 @dataclass(frozen=True)
@@ -146,7 +150,7 @@ class Grid:
         empty = [axis.key for axis in axes if not axis.values]
         if empty:
             raise ConfigError([Problem("", key, "has no value: give it one at least") for key in empty])
-        made = tuple(axis.of(scenario) for axis in axes)
+        made = tuple(replace(axis, key=axis.key.replace("__", ".")).of(scenario) for axis in axes)
         count = math.prod(len(axis.values) for axis in made)
         if not made or not 1 <= count <= POINTS_MAX:
             text = f"{count} points, permitted 1 to {POINTS_MAX}" if made else "no key to change: give one its values"
@@ -154,7 +158,9 @@ class Grid:
         twice = sorted(key for key, n in Counter(axis.key for axis in made).items() if n > 1)
         if twice:
             raise ConfigError([Problem("", key, "is there twice; give it one range") for key in twice])
-        points, refused, problems = [], [], list[Problem]()
+        points, refused, problems = [], [], _lost_files(scenario, made)
+        if problems:
+            raise ConfigError(problems)
         for index, values in enumerate(itertools.product(*(axis.values for axis in made))):
             keys = tuple(zip((axis.key for axis in made), values, strict=True))
             try:
@@ -198,11 +204,11 @@ class Grid:
             if done is not None:
                 done(row)
 
-        def store_row(point: Point, row: Row) -> None:
+        def store_found(point: Point, found: Row) -> None:
             path = paths[point.index]
-            if path is not None and row["status"] != BROKEN:
-                write_whole(path, json.dumps(row))
-            keep(row)
+            if path is not None and found["status"] != BROKEN:
+                write_whole(path, json.dumps(found))
+            keep(point.row(found))
 
         with counting_bars() if progress else nullcontext() as bars:
             task = bars.add_task("points", total=len(self.points) + len(self.refused)) if bars is not None else None
@@ -211,16 +217,29 @@ class Grid:
             for point in self.points:
                 path = paths[point.index]
                 if path is not None and path.exists():
-                    keep(json.loads(path.read_text(encoding="utf-8")) | {"point": point.index})
+                    keep(point.row(json.loads(path.read_text(encoding="utf-8"))))
                 else:
                     left.append(point)
             if left:
                 try:
                     with on_scheduler(scheduler):
-                        side_by_side(partial(run_point, seed, twin, made_by, load), left, jobs, store_row)
+                        side_by_side(partial(run_point, seed, twin, made_by, load), left, jobs, store_found)
                 except (OtherVersion, WorkerLost) as error:
                     raise ConfigError([Problem("--jobs", str(jobs), str(error))]) from None
         return Sweep(self.axes, sorted(rows, key=lambda row: int(row["point"])))
+
+
+def _lost_files(scenario: Scenario, axes: Iterable[Axis]) -> list[Problem]:
+    """Files of motors and inverters that do not exist: no machine that the checks could refuse."""
+    found = []
+    for axis in axes:
+        for value in axis.values:
+            if axis.key in ("motor", "inverter") and isinstance(value, str) and not shipped(Path(value)).exists():
+                try:
+                    scenario_of(scenario, {axis.key: value})
+                except ConfigError as error:
+                    found += [problem for problem in error.problems if problem.key == axis.key]
+    return found
 
 
 def _checked(scenario: Scenario, keys: Mapping[str, Any]) -> Scenario:
@@ -238,18 +257,22 @@ def _shown(keys: Sequence[tuple[str, Any]]) -> Row:
 
 
 def run_point(seed: int | None, twin: bool, made_by: str, load: PythonLoad | None, point: Point) -> Row:
-    """Run one point and return its row. Raises OtherVersion where the sources are others."""
+    """Run one point and return its row but for the keys. Raises OtherVersion where the sources are others.
+
+    ToolsMissing: this machine cannot build the chip.
+    """
     if sources() != made_by:
         raise OtherVersion("a worker has another version of Fluxlock: install the same one there, or use its checkout")
-    head = {"point": point.index, **_shown(point.keys)}
     try:
         run = run_checked(point.scenario, twin, seed, load_nm=load.function if load is not None else None)
+    except ToolsMissing:  # of this machine, not of the point
+        raise
     except ConfigError as error:  # of the twin, which cannot do all that the chip can
-        return {**head, "status": REFUSED, "reason": "; ".join(str(problem) for problem in error.problems)}
+        return {"status": REFUSED, "reason": "; ".join(str(problem) for problem in error.problems)}
     except SimulationFault as error:
-        return {**head, "status": BROKEN, "reason": str(error)}
+        return {"status": BROKEN, "reason": str(error)}
     status = RIGHT if run.verdict.passed else FAILED
-    return {**head, "status": status, "reason": "; ".join(run.verdict.failures), **flat(run.metrics)}
+    return {"status": status, "reason": "; ".join(run.verdict.failures), **flat(run.metrics)}
 
 
 def flat(metrics: Mapping[str, Any]) -> dict[str, float]:
@@ -302,7 +325,7 @@ class Sweep:
 def axes_of(axes: Mapping[str, Sequence[Any] | str] | Sequence[Axis]) -> list[Axis]:
     """Axes with plain values, of key -> values or of key -> a range in words; ConfigError for what is none."""
     if not isinstance(axes, Mapping):
-        if not all(isinstance(axis, Axis) for axis in axes):
+        if not isinstance(axes, Iterable) or not all(isinstance(axis, Axis) for axis in axes):
             raise ConfigError([Problem("", "", f"must be a dict, key: values, not {axes!r}")])
         return [replace(axis, values=tuple(map(plain, axis.values))) for axis in axes]
     made = []

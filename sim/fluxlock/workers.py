@@ -22,8 +22,8 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from fluxlock.base.interrupts import begin_worker, hold_interrupts, release_interrupts
-from fluxlock.base.paths import BUILD, PACKAGE, ROOT, content_hash
-from fluxlock.config.errors import ConfigError, Problem
+from fluxlock.base.paths import BUILD, PACKAGE, ROOT, SHARE, content_hash
+from fluxlock.config.errors import ConfigError, Problem, ToolsMissing
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -54,21 +54,24 @@ class WorkerLost(RuntimeError):
 
 
 class OtherVersion(RuntimeError):
-    """A worker has another Fluxlock than the one that asks it, or another folder where both must have one."""
+    """A worker has another Fluxlock than the one that asks it, no tools, or another folder where both must have one."""
 
 
 @cache
 def sources(package: str = "fluxlock") -> str:
     """Hash of everything that a result depends on: Python, RTL, firmware. Equal ones give equal bits.
 
-    package: "fluxverify" reads tests and shipped files of the checkout too.
+    It is the same wherever the folders lie, as in a wheel. package: "fluxverify" reads tests and shipped files of the
+    checkout too.
     """
     folders = [PACKAGE, ROOT / "rtl", ROOT / "sw", ROOT / "sim" / "native"]
     if package != PACKAGE.name:
         folders += [PACKAGE.with_name(package), *(ROOT / x for x in ("scenarios", "motors", "inverters"))]
         folders.append(ROOT / "cocotb_tests")
     kinds = (".py", ".sv", ".svh", ".f", ".rdl", ".c", ".h", ".S", ".ld", ".toml", ".cpp", ".vlt")
-    return content_hash(p for folder in folders for p in folder.rglob("*") if p.suffix in kinds and p.is_file())
+    found = [[p for p in folder.rglob("*") if p.suffix in kinds and p.is_file()] for folder in folders]
+    found[0] = [p for p in found[0] if not p.is_relative_to(SHARE)]
+    return content_hash([], *map(content_hash, found))
 
 
 @cache
@@ -115,7 +118,7 @@ def side_by_side(
     a thread of this process, for items that leave files as they go on. shares_build: items leave results in the folder
     `build`, which a worker must have at the same place. An exception of `work` ends the rest and is raised. WorkerLost:
     a process ended. ConfigError: no scheduler answers, or its last worker has gone. OtherVersion: a worker has other
-    sources, or another folder.
+    sources, another folder, or no tools for a build.
     """
     scheduler = _SCHEDULER.get()
     with _looking(look):
@@ -208,8 +211,12 @@ class _Asked:
 
     def call(self, work: Callable[[Item], Result], item: Item) -> Result:
         """Call work(item) on a worker, or raise OtherVersion: one that joins later has not been asked."""
-        self.check()
-        return work(item)
+        try:
+            self.check()
+            return work(item)
+        except (OtherVersion, ToolsMissing) as error:
+            worker: Any = import_module("distributed").get_worker()
+            raise OtherVersion(f"{worker.address}: {error}") from None
 
 
 def _on_dask(

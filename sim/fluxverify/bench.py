@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 
 from fluxlock.base.paths import BUILD, ROOT
-from fluxlock.base.writable import check_file, guarded
-from fluxlock.config import load_scenario
+from fluxlock.base.writable import EXIT_BAD_INPUT, check_file, guarded
+from fluxlock.config import ConfigError, load_scenario
 from fluxlock.cosim.chip import build_chip
 from fluxlock.cosim.launch import run_plan
 from fluxlock.cosim.plan import RAW_FILE, RECORDING_FILE, SessionPlan
@@ -115,7 +115,11 @@ def main() -> int:
     parser.add_argument("--repeat", type=int, default=2, help="pairs of runs (default 2)")
     options = parser.parse_args()
     path = BUILD / "bench.json"
-    check_build()
+    try:
+        check_build()
+    except ConfigError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
     check_file(path)
     result = measure(options.repeat)
     path.write_text(json.dumps(result, indent=2) + "\n")

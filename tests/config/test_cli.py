@@ -15,6 +15,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from importlib.metadata import version
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -359,6 +360,7 @@ def test_help_shows_all_that_is_written(invoke: Invoke, monkeypatch: pytest.Monk
             text = getattr(parameter, "help", None) or ""
             assert text.replace("\\[", "[") in out, words
     assert "with the table [can]" in invoke("can", "--help")[1]
+    assert invoke("--version") == (0, f"fluxlock {version('fluxlock')}\n", "")
 
 
 def test_help_names_every_drive_of_the_campaign(invoke: Invoke, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,6 +10,7 @@ import os
 import subprocess
 import sys
 import traceback
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -126,6 +127,23 @@ def test_folder_of_results(tmp_path: Path, command: str) -> None:
     program = f"sys.argv[1:] = {words}; from {package}.cli import main; main()"
     code, error = call(tmp_path / "build", program)
     assert code == 2 and error == f"error: --out: {out}: cannot be written: Permission denied; name another folder\n"
+
+
+def test_files_of_two_threads_stay_whole(tmp_path: Path) -> None:
+    """Threads of a process, such as two sweeps in one folder, write the same file; no one takes another's away.
+
+    Verifies: DRV-04
+    """
+    path = tmp_path / "point.json"
+
+    def write(letter: str) -> None:
+        for _ in range(WRITES):
+            write_whole(path, LONG * letter)
+            assert path.read_text() in (LONG * "a", LONG * "b")
+
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(write, "ab"))
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
 
 
 def test_files_of_two_writers_stay_whole(tmp_path: Path) -> None:

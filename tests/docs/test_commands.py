@@ -49,7 +49,8 @@ def check_fluxlock(words: list[str], app: typer.Typer = app) -> None:
     command: Any = typer.main.get_command(app)
     while hasattr(command, "commands"):
         name, *words = words
-        if OWN.fullmatch(name) or name == "--help":
+        own = [option for parameter in command.params for option in parameter.opts]
+        if OWN.fullmatch(name) or name in (*own, "--help"):
             return
         assert name in command.commands, f"no command {name}"
         command = command.commands[name]

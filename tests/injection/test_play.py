@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 
@@ -54,7 +55,7 @@ def test_traces(reversal: fluxlock.Run) -> None:
     Verifies: INJC-18
     """
     t = reversal.traces
-    assert set(t) == set(fluxlock.UNITS) and {len(trace) for trace in t.values()} == {len(t["t_s"])}
+    assert set(t) < set(fluxlock.UNITS) and {len(trace) for trace in t.values()} == {len(t["t_s"])}
     assert t["t_s"][-1] == pytest.approx(0.42, abs=1e-3)
     drop_v = reversal.scenario.inverter.supply_resistance_ohm * np.abs(t["idc"]).max()
     moved_v = np.abs(t["vdc"] - 48.0).max()
@@ -69,15 +70,19 @@ def test_traces(reversal: fluxlock.Run) -> None:
 
 
 def test_five_phases() -> None:
-    """Five phases hold the scenario's limit; the same seed gives the same bits, another one others.
+    """Five phases hold the scenario's limit; the same seed gives the same bits, another one others. All have traces.
 
-    Verifies: INJC-18
+    Verifies: INJC-18, PACKAGE-7
     """
     short = {"duration_s": 0.12, "window.settled.to_s": 0.12}
     first, again, other = (fluxlock.simulate(YU, twin=True, seed=seed, **short) for seed in (1, 1, 2))
     assert first.verdict.passed, first.verdict.failures
     np.testing.assert_array_equal(first.data.records, again.data.records)
     assert not np.array_equal(first.data.records, other.data.records)
+    assert set(first.traces) == set(fluxlock.UNITS) == {"t_s", *first.to_dataframe().attrs["units"]}
+    np.testing.assert_allclose(sum(first.traces[f"i{phase}"] for phase in "abcde"), 0.0, atol=1e-9)
+    mpl.use("Agg")
+    assert [panel.get_ylabel() for panel in first.plot("ie", "vd")] == ["ie / A", "vd / V"]
 
 
 def test_events() -> None:

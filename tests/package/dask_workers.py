@@ -20,8 +20,9 @@ WORKER = ("-m", "distributed.cli.dask_worker")
 class Dask:
     """A scheduler that runs. file: says where it is. workers: processes, in the order of their beginning."""
 
-    def __init__(self, folder: Path, environment: Mapping[str, str] | None) -> None:
+    def __init__(self, folder: Path, environment: Mapping[str, str] | None, threads: int) -> None:
         self.folder, self.environment, self.file = folder, environment, folder / "scheduler.json"
+        self.threads = str(threads)
         scheduler = ["-m", "distributed.cli.dask_scheduler", "--port", "0", "--host", "127.0.0.1"]
         self.scheduler = self._begin([*scheduler, "--scheduler-file", str(self.file)])
         self.workers: list[subprocess.Popen[bytes]] = []
@@ -31,9 +32,9 @@ class Dask:
         return subprocess.Popen(command, cwd=self.folder, env=self.environment)
 
     def begin_worker(self, program: Sequence[str] = WORKER) -> None:
-        """Begin a worker of one thread."""
+        """Begin a worker."""
         self.workers.append(
-            self._begin([*program, "--scheduler-file", str(self.file), "--nthreads", "1", "--no-nanny"])
+            self._begin([*program, "--scheduler-file", str(self.file), "--nthreads", self.threads, "--no-nanny"])
         )
 
     def address(self) -> str:
@@ -45,9 +46,11 @@ class Dask:
 
 
 @contextmanager
-def dask_workers(folder: Path, count: int, environment: Mapping[str, str] | None = None) -> Iterator[Dask]:
-    """A scheduler with so many workers, which end with the block. folder: that they run in."""
-    made = Dask(folder, environment)
+def dask_workers(
+    folder: Path, count: int, environment: Mapping[str, str] | None = None, threads: int = 1
+) -> Iterator[Dask]:
+    """A scheduler with so many workers, which end with the block. folder: that they run in; threads: of each."""
+    made = Dask(folder, environment, threads)
     try:
         for _ in range(count):
             made.begin_worker()

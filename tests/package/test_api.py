@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 import doctest
 import inspect
+import json
 import re
 import sys
 from collections.abc import Iterator
@@ -23,7 +24,9 @@ import fluxlock
 from fluxlock.api import run_checked
 from fluxlock.base.paths import ROOT
 from fluxlock.base.stage import ProgressInfo
+from fluxlock.config import schema
 from fluxlock.config.fields import Model
+from fluxlock.config.json_schema import json_schema
 
 OWN = ROOT / "scenarios" / "own-spindle.toml"
 SHORT = {"duration_s": 0.3, "window": [{"name": "end", "from_s": 0.25, "to_s": 0.3}], "expect": []}
@@ -77,6 +80,14 @@ def left_out(public: Any) -> list[str]:
     return missing
 
 
+def comment_of(variable: str) -> str:
+    """The comment before a public variable, where Sphinx takes its text from."""
+    home = Path(sys.modules[fluxlock._HOME[variable]].__file__ or "").read_text(encoding="utf-8")
+    found = re.search(rf"((?:^#:.*\n)+){variable} = ", home, re.MULTILINE)
+    assert found is not None
+    return re.sub("^#: ?", "", found[1], flags=re.MULTILINE)
+
+
 @pytest.mark.parametrize("name", fluxlock.__all__)
 def test_docstring_is_whole(name: str) -> None:
     """A docstring names every argument, field, error and shape, a model the unit of each key.
@@ -85,8 +96,7 @@ def test_docstring_is_whole(name: str) -> None:
     """
     public = getattr(fluxlock, name)
     if name == "UNITS":
-        home = Path(sys.modules[fluxlock._HOME[name]].__file__ or "").read_text(encoding="utf-8")
-        assert re.search(r"^#: .*\nUNITS = ", home, re.MULTILINE)  # Sphinx takes a variable's text from there
+        assert "their units" in comment_of(name)
         return
     assert inspect.getdoc(public) and left_out(public) == []
 
@@ -126,10 +136,8 @@ def test_public_name_on_the_site(name: str, monkeypatch: pytest.MonkeyPatch) -> 
     made_there = getattr(public, "__module__", module) == module
     assert made_there or name in getattr(sys.modules[module], "__all__", ())
     assert f"`{name}" in (ROOT / "docs" / "howto" / "python-and-sweeps.md").read_text(encoding="utf-8")
-    if name in ("UNITS", "Motor", "Inverter", "Scenario"):  # each key of a file is on the page of the files
-        return
-    text = public.__doc__
-    assert ">>> " in text and (isinstance(public, type) or "Raises ConfigError" in text)
+    text = comment_of(name) if name == "UNITS" else public.__doc__
+    assert ">>> " in text and (name == "UNITS" or isinstance(public, type) or "Raises ConfigError" in text)
     if "+SKIP" in text or name in ("simulate", "sweep"):
         return
     monkeypatch.chdir(ROOT)
@@ -143,7 +151,8 @@ def test_traces(run: fluxlock.Run) -> None:
 
     Verifies: PACKAGE-7
     """
-    assert set(run.traces) == set(fluxlock.UNITS)
+    assert set(fluxlock.UNITS) - set(run.traces) == {"id", "ie", "vd", "ve"}  # of five phases
+    assert {"t_s", *run.to_dataframe().attrs["units"]} == set(run.traces)
     t_s, theta = run.traces["t_s"], run.traces["theta_e_rad"]
     assert {len(trace) for trace in run.traces.values()} == {len(t_s)} and t_s[-1] == pytest.approx(0.3, abs=1e-3)
     turned = np.trapezoid(run.traces["speed_rpm"], t_s) / 60 * run.scenario.motor.pole_pairs * 2 * np.pi
@@ -182,6 +191,8 @@ def test_plot(run: fluxlock.Run) -> None:
     assert [panel.get_ylabel() for panel in panels] == ["speed_rpm / r/min", "ia / A"]
     with pytest.raises(fluxlock.ConfigError, match="permitted: t_s"):
         run.plot("current")
+    with pytest.raises(fluxlock.ConfigError, match=r"^plot: id: no such trace, permitted: t_s, .*, ic, va, "):
+        run.plot("id")
 
 
 def test_changed_in_code() -> None:
@@ -254,6 +265,9 @@ def test_numbers_of_numpy(key: str, value: object, expected: object) -> None:
         ({"seed": 1.5}, r"^seed: .*not 1\.5$"),
         ({"seed": True}, r"^seed: .*not True$"),
         ({"folder": OWN}, r"^folder: .*own-spindle\.toml: cannot be written: .*; name another folder$"),
+        ({"twinn": True}, r'^twinn: unknown keyword, did you mean "twin"\?$'),
+        ({"Folder": "x", "sed": 3}, r'^Folder: unknown keyword, .*"folder"\?\nsed: unknown keyword, .*"seed"\?$'),
+        ({"drives": {}}, r'^drives: unknown key, did you mean "drive"\?$'),
         ({"drive__comutation": "CSC"}, r'^drive\.comutation: unknown key, did you mean "commutation"\?$'),
     ],
 )
@@ -264,6 +278,31 @@ def test_bad_arguments(arguments: dict[str, Any], message: str) -> None:
     """
     with pytest.raises(fluxlock.ConfigError, match=message):
         fluxlock.simulate(OWN, twin=True, **arguments)
+
+
+@pytest.mark.parametrize("given", [5, None, fluxlock.Motor, {"name": "x"}])
+def test_no_scenario(given: Any) -> None:
+    """What is neither a model nor the path of its file is refused in a line that says what it must be.
+
+    Verifies: PACKAGE-7
+    """
+    for call in (fluxlock.simulate, fluxlock.scenario_of, lambda given: fluxlock.sweep(given, {"seed": [1]})):
+        with pytest.raises(fluxlock.ConfigError, match=r"^scenario: must be a Scenario or the path of its file, not "):
+            call(given)
+    for load, kind in ((fluxlock.load_motor, "a motor file"), (fluxlock.load_inverter, "an inverter file")):
+        with pytest.raises(fluxlock.ConfigError, match=rf"^must be the path of {kind}, not "):
+            load(given)
+    with pytest.raises(fluxlock.ConfigError, match=r"^must be the path of a scenario, not "):
+        fluxlock.load_scenario(given)
+
+
+@pytest.mark.parametrize("kind", ["motor", "inverter", "scenario"])
+def test_example_is_of_the_docstring_alone(kind: str) -> None:
+    """The example of a model is in no schema that an editor shows, and on no page of the files.
+
+    Verifies: PACKAGE-7
+    """
+    assert ">>>" not in json.dumps(json_schema(kind)) and ">>>" not in schema.page()
 
 
 def test_chip(tmp_path: Path) -> None:

@@ -1,38 +1,30 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Sweeps: ranges, grids, results kept by content, workers that are lost."""
+"""Sweeps: ranges, grids, results kept by content."""
 
 from __future__ import annotations
 
-import subprocess
 import sys
-import tempfile
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
-import distributed
 import numpy as np
 import pandas as pd
 import pytest
-import typer
+from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 import fluxlock
-from fluxlock import sweeps, workers
+from fluxlock import sweep_cli, sweeps
 from fluxlock.base.paths import ROOT
 from fluxlock.cli import app
-from fluxlock.command_line import run_command_line
-from fluxlock.population import run as population
 from fluxlock.sweeps import Axis, Grid
+from fluxlock.theory.six_step import plots
 from fluxverify import sweep_bench
-from fluxverify.cli import app as verify
-from tests.package.dask_workers import BEGIN_S, dask_workers
 
 OWN = ROOT / "scenarios" / "own-spindle.toml"
 SHORT = {"duration_s": 0.02, "window": [], "expect": [], "event": []}
-PACKAGES = ("fluxlock", "numpy", "numba", "ziglang")
 GRID = {"motor.resistance_ohm": [0.14, 0.15], "drive.commutation": ["RSC", "CSC"]}
 
 
@@ -104,6 +96,10 @@ def test_grid() -> None:
         Grid.of(short(), [Axis("motor.resistance_ohm", (-1.0,)), Axis("motor.no_such", (1, 2))])
     with pytest.raises(fluxlock.ConfigError, match="is there twice"):
         Grid.of(short(), [Axis("seed", (1,)), Axis("seed", (2,))])
+    with pytest.raises(fluxlock.ConfigError, match="is there twice"):
+        Grid.of(short(), [Axis("motor__resistance_ohm", (1,)), Axis("motor.resistance_ohm", (2,))])
+    (scaled,) = Grid.of(short(), [Axis("motor__resistance_ohm", (0.5,), factors=True)]).axes
+    assert scaled == Axis("motor.resistance_ohm", (0.075,))
     with pytest.raises(fluxlock.ConfigError, match=r"motor\.resistance_ohm: has no value(.|\n)*seed: has no value"):
         fluxlock.sweep(short(), {"motor.resistance_ohm": [], "drive.commutation": ["RSC"], "seed": []})
     with pytest.raises(fluxlock.ConfigError, match="no key to change"):
@@ -136,6 +132,8 @@ def test_axes_from_code(stated: Any, values: tuple[Any, ...]) -> None:
 @pytest.mark.parametrize(
     ("axes", "options", "message"),
     [
+        (None, {}, "^must be a dict, key: values, not None$"),
+        (5, {}, "^must be a dict, key: values, not 5$"),
         ({"seed": 5}, {}, r"^seed: must be a list of values, not 5$"),
         ({"motor": fluxlock.load_motor(ROOT / "motors" / "spindle-2pp.toml")}, {}, "^motor: must be a list of values"),
         (["seed=1:2:2"], {}, r"^must be a dict, key: values, not \['seed=1:2:2'\]$"),
@@ -156,6 +154,19 @@ def test_bad_arguments(axes: Any, options: dict[str, Any], message: str) -> None
         fluxlock.sweep(short(), axes, twin=True, **options)
 
 
+def test_alignment_on_the_twin() -> None:
+    """The twin, which has no carrier, does not tell RSC from NSC, as the page says; CSC is another drive.
+
+    Verifies: PACKAGE-8
+    """
+    keys = {**SHORT, "duration_s": 0.1, "window": [{"name": "end", "from_s": 0.09, "to_s": 0.1}]}
+    keys |= {"initial.speed_rpm": 14_000.0, "event": [{"at_s": 0.004, "speed_rpm": 15_000.0}]}
+    keys["event"] += [{"at_s": 0.005, "command": "start"}]
+    made = fluxlock.sweep(fluxlock.scenario_of(OWN, keys), {"drive.commutation": "RSC,NSC,CSC"}, twin=True)
+    rsc, nsc, csc = ({key: row[key] for key in row if key.startswith("end.")} for row in made.rows)
+    assert rsc == nsc != csc and len(rsc) > 3
+
+
 def test_machine_that_cannot_run() -> None:
     """A machine that the twin is not, inside a grid: its row says why, in words of its key, and the others run.
 
@@ -168,6 +179,42 @@ def test_machine_that_cannot_run() -> None:
         assert [row["status"] for row in made.rows] == ["right", "refused"]
         assert "phases" in made.rows[1]["reason"]
         assert [row["motor"] for row in made.rows] == names
+
+
+def test_file_that_is_not_there(tmp_path: Path) -> None:
+    """The file of a motor or an inverter that does not exist is a typo: it ends the sweep before the first run.
+
+    Verifies: PACKAGE-8
+    """
+    own = "motors/spindle-2pp.toml"
+    lost = (
+        r"^motor: file not found \(motors/spindle-2p\.toml\), did you mean \"spindle-2pp\.toml\"\?\ninverter: file not"
+    )
+    axes = {"motor": [own, "motors/spindle-2p.toml"], "inverter": ["inverters/nope.toml"]}
+    with pytest.raises(fluxlock.ConfigError, match=lost):
+        fluxlock.sweep(short(), axes, twin=True, folder=tmp_path)
+    arguments = ["sweep", str(OWN), "--twin", "--out", str(tmp_path), "--set", f"motor={own},motors/nope.toml"]
+    with pytest.raises(fluxlock.ConfigError, match=r"motor: file not found \(motors/nope\.toml\)"):
+        CliRunner().invoke(app, arguments, catch_exceptions=False)
+    assert not list(tmp_path.rglob("*.json"))
+
+
+def test_each_reason() -> None:
+    """The verdict has each reason of a refusal with the first of its points; other numbers are no other reason.
+
+    Verifies: PACKAGE-8
+    """
+    axis = Axis("motor", ("a", "b", "c", "d"))
+    reasons = ["R -1 is out of range", "R -2e-3 is out of range", "five phases", ""]
+    rows = [
+        {"point": k, "motor": name, "status": "refused" if reason else "right", "reason": reason}
+        for k, (name, reason) in enumerate(zip(axis.values, reasons, strict=True))
+    ]
+    assert sweep_cli.verdict(sweeps.Sweep((axis,), rows)).lines == [
+        "1 of 1 points right",
+        "refused (2), first at motor a: R -1 is out of range",
+        "refused (1), first at motor c: five phases",
+    ]
 
 
 def test_progress(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -205,183 +252,39 @@ def test_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert ran[6:] == [0]
 
 
-def test_another_version(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A worker whose sources differ is refused by name.
+def test_other_keys_in_one_folder(tmp_path: Path) -> None:
+    """A result that a sweep of other keys has left has the columns of the sweep that reads it, also if it failed.
 
-    Verifies: PACKAGE-9
+    Verifies: PACKAGE-8
     """
-    grid = Grid.of(short(), [Axis("drive.commutation", ("RSC",))])
-    with pytest.raises(sweeps.OtherVersion, match="another version of Fluxlock"):
-        sweeps.run_point(1, True, "0123456789abcdef", None, grid.points[0])
-
-    def on_another(work: Any, items: Any, jobs: int, done: Any) -> None:
-        sweeps.run_point(1, True, "0123456789abcdef", None, items[0])
-
-    monkeypatch.setattr(sweeps, "side_by_side", on_another)
-    with pytest.raises(fluxlock.ConfigError, match=r"^--scheduler: tcp://there:8786: a worker has another version"):
-        grid.run(twin=True, scheduler="tcp://there:8786")
-    with pytest.raises(fluxlock.ConfigError, match=r"^--jobs: 2: a worker has another version"):
-        grid.run(twin=True, jobs=2)
-
-    def loses(work: Any, items: Any, jobs: int, done: Any) -> None:
-        raise workers.WorkerLost(workers.LOST)
-
-    monkeypatch.setattr(sweeps, "side_by_side", loses)
-    with pytest.raises(fluxlock.ConfigError, match=r"^--jobs: 2: a worker process ended"):
-        grid.run(twin=True, jobs=2)
+    keys = {**SHORT, "window": [{"name": "end", "from_s": 0.01, "to_s": 0.02}]}
+    keys["expect"] = [{"window": "end", "metric": "speed_rpm.mean", "min": 1e6}]
+    failing = fluxlock.scenario_of(OWN, keys)
+    axes = {"drive.commutation": ["RSC", "CSC"]}
+    first = fluxlock.sweep(failing, {"seed": [1], **axes}, twin=True, folder=tmp_path)
+    stored = {path: path.stat().st_mtime_ns for path in (tmp_path / "points").iterdir()}
+    other = fluxlock.sweep(failing, {"drive.commutation": ["CSC", "RSC"]}, twin=True, folder=tmp_path)
+    assert stored == {path: path.stat().st_mtime_ns for path in (tmp_path / "points").iterdir()} and len(stored) == 2
+    assert [row["status"] for row in other.rows] == ["failed", "failed"]
+    for row, before in zip(other.rows, first.rows[::-1], strict=True):
+        found = {key: value for key, value in before.items() if key not in ("seed", "point")}
+        assert {key: value for key, value in row.items() if key != "point"} == found
+    assert [row["drive.commutation"] for row in other.rows] == ["CSC", "RSC"]
+    assert "first at drive.commutation CSC" in sweep_cli.verdict(other).lines[1]
+    alone = fluxlock.sweep(failing, {"seed": [1]}, twin=True, folder=tmp_path)
+    assert list(alone.rows[0])[:2] == ["point", "seed"] and "first at seed 1" in sweep_cli.verdict(alone).lines[1]
 
 
-def test_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No scheduler at the address: one line that says how to start one.
+def test_other_packages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A result of other packages, NumPy's for instance, is none of these.
 
-    Verifies: PACKAGE-9
+    Verifies: PACKAGE-8
     """
-    monkeypatch.setattr(workers, "ANSWER_S", 0.5)
-    with pytest.raises(fluxlock.ConfigError, match="start one with `dask scheduler`"):
-        fluxlock.sweep(short(), GRID, twin=True, scheduler="tcp://127.0.0.1:9")
-    with pytest.raises(fluxlock.ConfigError, match="no scheduler answers"):
-        fluxlock.sweep(short(), GRID, twin=True, scheduler="nonsense://x")
-    for cluster, text in (
-        ({"asynchronous": True}, "an asynchronous cluster cannot answer while this call waits"),
-        (
-            {"security": distributed.Security(require_encryption=True)},
-            "no scheduler answers there .*encryption required",
-        ),
-    ):
-        with pytest.raises(fluxlock.ConfigError, match=rf"^--scheduler: tcp://127.0.0.1:9: {text}"):
-            at = SimpleNamespace(scheduler_address="tcp://127.0.0.1:9", **cluster)
-            fluxlock.sweep(short(), GRID, twin=True, scheduler=at)
-
-
-def refuses_strangers(address: str) -> None:
-    """A worker with other sources, other packages or without the folder is refused by name; else the items run."""
-    found: dict[str, int] = {}
-    with workers.on_scheduler(SimpleNamespace(scheduler_address=address)):  # a cluster of Dask
-        workers.side_by_side(len, ["a", "bc"], 1, found.__setitem__, shares_build=True)
-    assert found == {"a": 1, "bc": 2}
-    for name, value, text in (
-        ("BUILD", Path(tempfile.gettempdir()), "a worker does not have the folder .*share the checkout"),
-        ("sources", lambda package: "0123456789abcdef", "a worker has another version"),
-        (
-            "versions",
-            lambda: {"Python": "3.9", **dict.fromkeys(PACKAGES, "0.1"), "none": "7"},
-            r"a worker has Python 3\.\d+ in place of 3\.9, "
-            + ", ".join(rf"{name} \d[\w.]* in place of 0\.1" for name in PACKAGES)
-            + ", none missing in place of 7: results might differ",
-        ),
-    ):
-        with pytest.MonkeyPatch.context() as patch, workers.on_scheduler(address):
-            patch.setattr(workers, name, value)
-            with pytest.raises(workers.OtherVersion, match=text):
-                workers.side_by_side(len, ["a"], 1, found.__setitem__, shares_build=True)
-
-
-@pytest.mark.parametrize(
-    ("command", "text"),
-    [
-        (["regression", "--list"], "--list runs nothing"),
-        (["regression", "--accept", "x", "--why", "y"], "--accept runs nothing"),
-        (["campaign", "--show"], "--show runs nothing"),
-        (["figures", "six-step", "--list"], "--list runs nothing"),
-    ],
-)
-def test_no_runs(command: list[str], text: str) -> None:
-    """A scheduler beside an option that runs nothing is refused by name.
-
-    Verifies: PACKAGE-9
-    """
-    with pytest.raises(fluxlock.ConfigError, match=rf"^--scheduler: tcp://x:1: {text}"):
-        CliRunner().invoke(verify, [*command, "--scheduler", "tcp://x:1"], catch_exceptions=False)
-
-
-@pytest.mark.parametrize("command", ["regression", "campaign", "fuzz", "figures", "mutate"])
-def test_option_of_the_long_runs(command: str) -> None:
-    """Each command of long runs takes a scheduler.
-
-    Verifies: PACKAGE-9
-    """
-    assert "--scheduler" in CliRunner().invoke(verify, [command, "--help"]).output
-
-
-def test_population_without_a_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The population asks the scheduler too.
-
-    Verifies: PACKAGE-9
-    """
-    monkeypatch.setattr(workers, "ANSWER_S", 0.5)
-    words = ["population", "run", "--method", "vector", "--lives", "1", "--scheduler", "tcp://127.0.0.1:9"]
-    with pytest.raises(fluxlock.ConfigError, match="no scheduler answers"):
-        CliRunner().invoke(app, words, catch_exceptions=False)
-
-
-# A worker that keeps its lives in a folder of its own: none is there before.
-LIVING = """
-import fluxlock.population.run as run, pathlib
-run.FOLDER = pathlib.Path("there").absolute()
-from distributed.cli.dask_worker import main
-main()
-"""
-
-
-def test_population_on_workers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two workers give the rows of this process, bit for bit.
-
-    Verifies: PACKAGE-9
-    """
-    monkeypatch.setattr(population, "FOLDER", tmp_path / "here")
-    indices, rows = range(3), []
-    with dask_workers(tmp_path, 0) as dask:
+    for version in ("1", "2"):
+        monkeypatch.setattr(sweeps, "versions", lambda version=version: {"numpy": version})
         for _ in range(2):
-            dask.begin_worker(["-c", LIVING])
-        for scheduler in (None, dask.address()):
-            with workers.on_scheduler(scheduler):
-                rows.append(population.run_lives("six-step", 1, indices, 1, lambda: None))
-    here, there = ([{k: v for k, v in row.items() if k != "cpu_s"} for row in found] for found in rows)
-    assert here == there and [row["index"] for row in here] == list(indices)
-    names = [{path.name for path in (tmp_path / folder).rglob("*.json")} for folder in ("here", "there")]
-    assert names[0] == names[1] and len(names[0]) > 0
-
-
-# A worker in an environment that has Dask, but not this package.
-BARE = "import sys; sys.modules['fluxlock'] = None; from distributed.cli.dask_worker import main; main()"
-
-
-def test_strange_and_lost_workers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Strangers among the workers are refused by name; when all have gone the items end by name.
-
-    Verifies: PACKAGE-9
-    """
-    with dask_workers(tmp_path, 1) as dask:
-        address = dask.address()
-        refuses_strangers(address)
-        dask.workers[0].kill()
-        monkeypatch.setattr(workers, "DESERTED_S", 1)
-        with workers.on_scheduler(address), pytest.raises(fluxlock.ConfigError, match="has had no worker for 1 s"):
-            workers.side_by_side(len, ["a"], 1, lambda *_: None)
-        dask.begin_worker(["-c", BARE])
-        with distributed.Client(address) as client:
-            client.wait_for_workers(1, BEGIN_S)
-        stranger = r"^tcp://\S+: a worker has no Fluxlock"
-        with workers.on_scheduler(address), pytest.raises(workers.OtherVersion, match=stranger):
-            workers.side_by_side(len, ["a"], 1, lambda *_: None)
-
-
-def test_command_that_loses_a_worker(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """A command whose process ended says so in one line.
-
-    Verifies: PACKAGE-9
-    """
-    planted = typer.Typer()
-
-    @planted.command()
-    def lose() -> None:
-        raise workers.WorkerLost(workers.LOST)
-
-    monkeypatch.setattr(sys, "argv", ["fluxlock"])
-    with pytest.raises(SystemExit) as caught:
-        run_command_line(planted, "fluxlock")
-    assert caught.value.code == 2
-    assert capsys.readouterr().err == f"error: {workers.LOST}\n"
+            fluxlock.sweep(short(), {"seed": [1]}, twin=True, folder=tmp_path)
+        assert len(list((tmp_path / "points").iterdir())) == int(version)
 
 
 def test_command(tmp_path: Path) -> None:
@@ -419,6 +322,39 @@ def test_command(tmp_path: Path) -> None:
     assert len(pd.read_parquet(tmp_path / "sweep.parquet")) == 2
 
 
+@pytest.mark.parametrize("failed", [False, True])
+def test_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failed: bool) -> None:
+    """The picture says of what it is; it explains crosses where it has some.
+
+    Verifies: PACKAGE-8
+    """
+    drawn: list[Figure] = []
+    monkeypatch.setattr(plots, "save", lambda figure, path: drawn.append(figure))
+    name = "end.speed_rpm.mean"
+    rows = [{"point": 0, "seed": 1, "status": "right", "reason": "", name: 1.0}]
+    rows += [{"point": 1, "seed": 2, "status": "failed" if failed else "right", "reason": "", name: 2.0}]
+    made = sweeps.Sweep((Axis("seed", (1, 2)),), rows)
+    sweep_cli.draw(made, made.to_dataframe(), [name], tmp_path / "overview.png", "spindle, twin")
+    assert drawn[0].get_suptitle() == "spindle, twin"
+    assert drawn[0].axes[-1].get_xlabel() == "seed" + ("; crosses: the run failed its verdict" if failed else "")
+
+
+@pytest.mark.parametrize(
+    ("axes", "options", "title"),
+    [
+        (("motor.resistance_ohm",), (True, None), "own-spindle, twin, seed 1"),
+        (("motor.resistance_ohm", "seed"), (False, None), "own-spindle, chip"),
+        (("seed",), (True, 7), "own-spindle, twin, seed 7"),
+    ],
+)
+def test_title(axes: tuple[str, ...], options: tuple[bool, int | None], title: str) -> None:
+    """Scenario, twin or chip, and the seed unless it is a key of the grid.
+
+    Verifies: PACKAGE-8
+    """
+    assert sweep_cli.title_of(short(), sweeps.Sweep(tuple(Axis(key, ()) for key in axes), []), *options) == title
+
+
 def test_bench(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """The measurement of memory, time and overhead runs: a line for the pairs, one for each stretch of runs.
 
@@ -431,14 +367,3 @@ def test_bench(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[st
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("overhead of a point: median ") and lines[0].endswith("% of 2 pairs")
     assert [line.split(":")[0] for line in lines[1:]] == ["2 runs", "4 runs"] and "ms per run" in lines[2]
-
-
-def test_script_without_guard(tmp_path: Path) -> None:
-    """A script that asks for processes at its top level is told what to change.
-
-    Verifies: PACKAGE-9
-    """
-    script = tmp_path / "script.py"
-    script.write_text("from fluxlock.workers import side_by_side\nside_by_side(len, ['a', 'b'], 2, print)\n")
-    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=False)
-    assert done.returncode == 1 and "WorkerLost" in done.stderr and "__main__" in done.stderr.splitlines()[-1]

@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from fluxlock.base.paths import BUILD, ROOT
+from fluxlock.workers import sources
 from tests.package.dask_workers import dask_workers
 
 # A sweep of 24 points that prints its rows; the process that the second argument names is killed half-way.
@@ -99,6 +100,15 @@ def test_place(installed: Installed) -> None:
     root, build = done.stdout.splitlines()
     assert Path(root) == installed.site / "fluxlock" / "share"
     assert Path(build).parent == installed.home / ".cache" / "fluxlock"
+
+
+def test_sources_are_those_of_the_checkout(installed: Installed) -> None:
+    """A worker with the wheel and one with the checkout that it was made from know each other by one hash.
+
+    Verifies: PACKAGE-9
+    """
+    done = installed.python("-c", "from fluxlock.workers import sources; print(sources())")
+    assert done.stdout.strip() == sources()
 
 
 def test_shipped_by_name(installed: Installed) -> None:

@@ -17,7 +17,7 @@ from fluxlock.base.paths import ROOT
 from fluxlock.config import ConfigError, Scenario, load_scenario
 from fluxlock.results.metrics import Analysis, run_metrics
 from fluxlock.results.rundata import LogKind, Rejection, RunData, load_trace, save_trace
-from fluxlock.results.verdict import Verdict, judge_run, say
+from fluxlock.results.verdict import Verdict, expectation_failures, judge_run, say
 from tests.results.synthetic import Drive, make_run, make_vector_run
 
 RPM = 6_000.0
@@ -54,6 +54,27 @@ def run(**changes: Any) -> RunData:
 
 def events(*entries: str) -> str:
     return f"event=[{','.join(entries)}]"
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "high", "text"),
+    [
+        (15012.3, 15050, 15075, "is 15012, expected min 15050 and max 15075"),
+        (15049.7, 15050, None, "is 15049.7, expected min 15050"),
+        (0.300012, -0.3, 0.3, "is 0.30001, expected min -0.3 and max 0.3"),
+        (1.0004, None, 0.3, "is 1, expected max 0.3"),
+        (-2.5e-7, 1e-7, None, "is -2.5e-07, expected min 1e-07"),
+        (1234568.0, None, 1234567.5, "is 1234568, expected max 1234567.5"),
+        (None, 1, None, "is no value, expected min 1"),
+    ],
+)
+def test_missed_limit_is_seen(value: float | None, low: float | None, high: float | None, text: str) -> None:
+    """A value that misses a limit has the digits that show it.
+
+    Verifies: FRONT-35
+    """
+    entry = {"window": "steady", "metric": "speed_rpm.mean", "value": value, "min": low, "max": high, "pass": False}
+    assert expectation_failures([entry]) == [f"steady: speed_rpm.mean {text}"]
 
 
 def test_sound_run_passes_and_says_its_speed() -> None:

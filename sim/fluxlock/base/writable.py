@@ -14,6 +14,7 @@ import os
 import signal
 import sys
 import tempfile
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -59,7 +60,7 @@ def check_file(path: Path) -> None:
 
 def write_whole(path: Path, text: str) -> None:
     """Write a file that others may read, or write, meanwhile: they find the whole old one or the whole new one."""
-    own = path.with_name(f"{path.name}.{os.getpid()}.part")
+    own = path.with_name(f"{path.name}.{os.getpid()}-{threading.get_native_id()}.part")
     own.write_text(text, encoding="utf-8")
     own.replace(path)
 

@@ -41,6 +41,13 @@ class ConfigError(Exception):
         self.problems = list(problems)
         super().__init__("\n".join(str(p) for p in self.problems))
 
+    def __reduce__(self) -> tuple[type[ConfigError], tuple[list[Problem]]]:
+        return type(self), (self.problems,)
+
+
+class ToolsMissing(ConfigError):
+    """The machine lacks what a build needs, whatever the input."""
+
 
 def closest(word: str, candidates: Iterable[str]) -> str | None:
     """The candidate most like `word`, None if none is close."""

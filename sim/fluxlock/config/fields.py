@@ -9,6 +9,7 @@ A range is stated once, in the field. It gives the check, the message and the li
 from __future__ import annotations
 
 from collections.abc import Sequence
+from inspect import cleandoc
 from typing import Annotated, Any, Literal, Unpack
 
 from pydantic import (
@@ -67,6 +68,11 @@ class Model(BaseModel):
                     },
                 )
         return value
+
+
+def words_of(docstring: str | None) -> str:
+    """A model's docstring for pages and editors: without the example in Python."""
+    return cleandoc(docstring or "").partition("\n\n>>> ")[0]  # Python 3.12 and older keep the indentation
 
 
 def _kind_of(setting: Setting) -> object:

@@ -146,7 +146,12 @@ class BrakeChopper(Model):
 
 
 class Inverter(Model):
-    """Inverter of three or five legs with its supply and its sensing."""
+    """Inverter of three or five legs with its supply and its sensing.
+
+    >>> from fluxlock import load_inverter
+    >>> load_inverter("inverters/drive-48v.toml").protection.phase_current_a  # A
+    22.0
+    """
 
     name: str = Field(min_length=1, description="Name for tables and plots.")
     description: str = Field(default="", description="Free text.")

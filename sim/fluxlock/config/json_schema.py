@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from fluxlock.config.fields import Model
+from fluxlock.config.fields import Model, words_of
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.motor import Motor
 from fluxlock.config.scenario import Scenario
@@ -25,4 +25,7 @@ def json_schema(kind: str) -> dict[str, Any]:
     for name in ("motor", "inverter") if kind == "scenario" else ():  # a scenario names these files
         text = schema["properties"][name]["description"]
         schema["properties"][name] = {"type": "string", "description": text}
+    for table in (schema, *schema["$defs"].values()):
+        if "description" in table:
+            table["description"] = words_of(table["description"])
     return {"$schema": DIALECT, **schema}

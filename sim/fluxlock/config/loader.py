@@ -285,6 +285,13 @@ def _load_plain(source: _Source) -> Model:
         raise ConfigError(source.problems(error)) from None
 
 
+def _path(given: object, model: type[Model]) -> Path:
+    """Where a file is that a caller has named."""
+    if not isinstance(given, (str, os.PathLike)):
+        raise ConfigError([Problem("", "", f"must be the path of {_KINDS[model]}, not {_shown(given)}")])
+    return shipped(Path(given))
+
+
 def load_motor(path: Path | str) -> Motor:
     """Read and check a motor file: SI units, arrays of one value per phase. Raises ConfigError with all problems.
 
@@ -293,7 +300,7 @@ def load_motor(path: Path | str) -> Motor:
     >>> load_motor("motors/spindle-2pp.toml").mean_inductance_h  # H
     0.00012
     """
-    path = shipped(Path(path))
+    path = _path(path, Motor)
     motor = _load_plain(_Source(Motor, str(path), _read_toml(path, str(path), Motor), ""))
     assert isinstance(motor, Motor)
     return motor
@@ -307,7 +314,7 @@ def load_inverter(path: Path | str) -> Inverter:
     >>> load_inverter("inverters/drive-48v.toml").supply_v  # V
     48.0
     """
-    path = shipped(Path(path))
+    path = _path(path, Inverter)
     inverter = _load_plain(_Source(Inverter, str(path), _read_toml(path, str(path), Inverter), ""))
     assert isinstance(inverter, Inverter)
     return inverter
@@ -360,7 +367,7 @@ def load_scenario(
     >>> load_scenario("scenarios/own-spindle.toml", ["drive.carrier_hz=40_000"]).drive.carrier_hz  # Hz
     40000.0
     """
-    path = shipped(Path(path))
+    path = _path(path, Scenario)
     source = _Source(Scenario, str(path), _read_toml(path, str(path), Scenario), "")
     parsed: list[Override] = []
     problems: list[Problem] = []

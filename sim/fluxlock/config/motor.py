@@ -217,6 +217,10 @@ class Motor(Model):
 
     A five-phase machine has equal phases, a sinusoidal EMF with a third harmonic, and `[third]`; it is driven by vector
     control with injection.
+
+    >>> from fluxlock import load_motor
+    >>> load_motor("motors/spindle-2pp.toml").resistance_ohm  # Ohm, phases A, B, C
+    (0.15, 0.15, 0.15)
     """
 
     name: str = Field(min_length=1, description="Name for tables and plots.")

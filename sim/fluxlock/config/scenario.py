@@ -359,7 +359,13 @@ class Sources:
 
 
 class Scenario(Model):
-    """One closed-loop run. The files of motor and inverter are read and checked with it."""
+    """One closed-loop run. The files of motor and inverter are read and checked with it.
+
+    >>> from fluxlock import load_scenario
+    >>> loaded = load_scenario("scenarios/own-spindle.toml")
+    >>> loaded.motor.name, loaded.drive.commutation, loaded.duration_s  # s
+    ('Spindle 48 V', 'CSC', 1.2)
+    """
 
     name: str = Field(min_length=1, description="Name for tables and plots.")
     description: str = Field(default="", description="Free text.")

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import inspect
 import sys
 from collections.abc import Sequence
 from typing import Literal, get_args, get_origin
@@ -15,7 +14,7 @@ from pydantic_core import PydanticUndefined
 
 from fluxlock import generated
 from fluxlock.base.paths import ROOT
-from fluxlock.config.fields import Model, plain, range_text
+from fluxlock.config.fields import Model, plain, range_text, words_of
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.loader import model_in
 from fluxlock.config.motor import Motor
@@ -119,8 +118,7 @@ def _tables(model: type[Model], heading: str, path: str) -> list[str]:
             title = f"[[{dotted}]]" if array else f"[{dotted}]"
             need = "required" if info.is_required() else "optional"
             below += _tables(inner, f"`{title}` ({need}{', any number' if array else ''})", dotted)
-    note = inspect.cleandoc(model.__doc__ or "")  # Python 3.12 and older keep the indentation
-    return [f"### {heading}\n\n{note}\n\n{HEADER}" + "\n".join(rows) + "\n", *below]
+    return [f"### {heading}\n\n{words_of(model.__doc__)}\n\n{HEADER}" + "\n".join(rows) + "\n", *below]
 
 
 def page() -> str:

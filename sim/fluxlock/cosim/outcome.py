@@ -30,17 +30,16 @@ TRACE = "trace.npz"
 RESULT = "result.json"
 
 
-#: Traces of a run and their units, `UNITS["ia"]`; all of one run have the same length, see `Run.traces`.
+#: Traces of a run and their units; a run has those of its phases, see `Run.traces`.
+#:
+#: >>> UNITS["ia"], UNITS["speed_rpm"]
+#: ('A', 'r/min')
 UNITS = {
     "t_s": "s",
     "theta_e_rad": "rad",
     "speed_rpm": "r/min",
-    "ia": "A",
-    "ib": "A",
-    "ic": "A",
-    "va": "V",
-    "vb": "V",
-    "vc": "V",
+    **dict.fromkeys(("ia", "ib", "ic", "id", "ie"), "A"),
+    **dict.fromkeys(("va", "vb", "vc", "vd", "ve"), "V"),
     "vdc": "V",
     "idc": "A",
     "torque_nm": "N*m",
@@ -86,7 +85,8 @@ class Run:
         """Waveforms of the plant, name -> float64 [n], one each `record.period_s`; units in `fluxlock.UNITS`.
 
         theta_e_rad: true electrical angle, unwrapped. speed_rpm: true mechanical speed. ia, ib, ic: phase currents into
-        the machine. va, vb, vc: terminal voltages against the negative rail.
+        the machine; with five phases id, ie too: those of phases D and E. va to ve: terminal voltages against the
+        negative rail.
         """
         records = self.data.records
         found: dict[str, FloatArray] = {
@@ -94,7 +94,7 @@ class Run:
             "theta_e_rad": records["theta_e"],
             "speed_rpm": records["omega_e"] / self.data.pole_pairs * RPM_PER_RAD_S,
         }
-        return found | {name: np.asarray(records[name]) for name in UNITS if name not in found}
+        return found | {name: np.asarray(records[name]) for name in UNITS if name in (records.dtype.names or ())}
 
     def to_dataframe(self) -> pandas.DataFrame:
         """The traces as a pandas table, n rows, with t_s as index; units in its `attrs["units"]`.
@@ -106,7 +106,7 @@ class Run:
         except ImportError:
             raise ConfigError([Problem("to_dataframe", "", f"needs pandas: {EXTRA}")]) from None
         table = pandas.DataFrame(self.traces).set_index("t_s")
-        table.attrs["units"] = {name: unit for name, unit in UNITS.items() if name != "t_s"}
+        table.attrs["units"] = {name: unit for name, unit in UNITS.items() if name in table.columns}
         return table
 
     def plot(self, *names: str) -> npt.NDArray[Any]:
@@ -117,9 +117,9 @@ class Run:
         from matplotlib import pyplot
 
         names = names or ("speed_rpm", "ia", "torque_nm")
-        unknown = [name for name in names if name not in UNITS]
+        unknown = [name for name in names if name not in self.traces]
         if unknown:
-            text = f"no such trace, permitted: {', '.join(UNITS)}"
+            text = f"no such trace, permitted: {', '.join(self.traces)}"
             raise ConfigError([Problem("plot", name, text) for name in unknown])
         figure, axes = pyplot.subplots(len(names), 1, sharex=True, squeeze=False, layout="constrained")
         panels: npt.NDArray[Any] = axes[:, 0]

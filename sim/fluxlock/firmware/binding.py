@@ -14,6 +14,7 @@ struct that is a field lives as long as the one around it: keep that one.
 
 from __future__ import annotations
 
+import threading
 from functools import cache
 from pathlib import Path
 from typing import TypeVar
@@ -25,11 +26,17 @@ from fluxlock.firmware.toolchain import SW, build_host_library, host_headers
 from fluxlock.headers import CData, bind
 
 Number = TypeVar("Number", bound=np.number)
+_BINDING = threading.Lock()
+
+
+def types() -> CData:
+    """Type table of all headers of the firmware's host library, one a process: another would not know its types."""
+    with _BINDING:
+        return _types()
 
 
 @cache
-def types() -> CData:
-    """Type table of all headers of the firmware's host library."""
+def _types() -> CData:
     return bind(host_headers(), SW)
 
 

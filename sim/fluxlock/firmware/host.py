@@ -4,10 +4,15 @@
 """The firmware as a shared library in this process: register file, UART and control ticks driven from Python.
 
 One instance a process. Whoever plays the chip writes the snapshot registers, calls `tick()` and reads the settings.
+Where a process has several threads they take turns: `one_at_a_time`.
 """
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +26,24 @@ from fluxlock.headers import CData
 REGISTER_WORDS = 0x4000
 OFFSETS = 13  # channels of the auto-zero
 RECEIVED_BYTES = 65536
+_TURN = threading.Lock()
+_HELD: ContextVar[bool] = ContextVar("held", default=False)  # by this thread
+
+
+@contextmanager
+def one_at_a_time() -> Iterator[None]:
+    """Within, or in a function that it decorates, no other thread of this process has the library: it has one state.
+
+    Around everything from the making of a `HostFirmware` to its last use.
+    """
+    if _HELD.get():
+        raise RuntimeError("a twin runs already in this thread, and a process has one: run them one after the other")
+    with _TURN:
+        before = _HELD.set(True)
+        try:
+            yield
+        finally:
+            _HELD.reset(before)
 
 
 def register_offsets() -> dict[str, int]:
@@ -36,10 +59,12 @@ def register_offsets() -> dict[str, int]:
 class HostFirmware:
     """Loads the library and resets it; then `boot`, `tick` and `poll` as the chip's events would.
 
-    library: one that holds more than the firmware.
+    library: one that holds more than the firmware. Another thread than the first has waited for its turn.
     """
 
     def __init__(self, library: Path | None = None) -> None:
+        if not _HELD.get() and threading.current_thread() is not threading.main_thread():
+            raise RuntimeError("a thread beside others uses the library within `one_at_a_time`")
         self.lib: CData = open_library(library)
         self.lib.fl_host_reset()
         self.offsets = register_offsets()

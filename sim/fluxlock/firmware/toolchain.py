@@ -160,6 +160,12 @@ def _key(*extra: object) -> str:
     return content_hash([*_sources(), SCHEMA_FILE, *headers, GENERATED / "fluxlock_regs.h"], names, *extra)
 
 
+def host_sources() -> str:
+    """Hash of sources and options of the host library, without the place that the library itself has in it."""
+    with file_lock(BUILD / ".firmware.lock"):
+        return _key("host", HOST_FLAGS, WARNINGS)
+
+
 def build_firmware(
     build_dir: Path | None = None,
     phases: int = 3,

@@ -19,6 +19,7 @@ from pathlib import Path
 
 from fluxlock.base.paths import BUILD, GENERATED, REGISTER_BLOCKS, ROOT, RTL, content_hash, tool_environment
 from fluxlock.base.writable import check_folder, file_lock, guarded
+from fluxlock.config.errors import Problem, ToolsMissing
 from fluxlock.generate import regblock
 from fluxlock.generate.soft_core import soft_core
 
@@ -37,13 +38,13 @@ for arguments in json.loads(sys.argv[1]):
 def check_build() -> None:
     """See that the machine has the tools, and that the folders which builds and runs fill can be written.
 
-    A missing tool is named on the error output and ends the program, exit code 2; OSError names a folder that refuses.
+    Raises ToolsMissing, with the package that brings each tool; OSError names a folder that refuses.
     """
     from fluxlock.plant.build import cache_folder
 
-    code = subprocess.call(["sh", ROOT / "tools" / "needs.sh"])
-    if code:
-        sys.exit(code)
+    done = subprocess.run(["sh", ROOT / "tools" / "needs.sh"], stderr=subprocess.PIPE, text=True, check=False)
+    if done.returncode:
+        raise ToolsMissing([Problem("", "", done.stderr.strip().removeprefix("error: "))])
     for folder in (BUILD, GENERATED, BUILD / "chip", BUILD / "firmware", BUILD / "bindings", cache_folder()):
         check_folder(folder)
 

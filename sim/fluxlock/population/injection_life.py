@@ -19,6 +19,7 @@ from fluxlock.config.injection_rules import injection_loops
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.scenario import Event
 from fluxlock.cosim.parameters import refusals
+from fluxlock.firmware.host import one_at_a_time
 from fluxlock.native.injection_run import InjectionRun
 from fluxlock.population.injection_draw import InjectionDraw, injection_ranges, parts
 from fluxlock.theory.injection.choice import best, choices
@@ -97,6 +98,7 @@ def injection_refusals(life: InjectionLife) -> list[str]:
     return refusals(life.scenario)
 
 
+@one_at_a_time()
 def play_injection(life: InjectionLife) -> InjectionRun:
     """Run a life on the host, until its end or a fault."""
     d, base_rpm = life.draw, life.scenario.motor.max_speed_rpm

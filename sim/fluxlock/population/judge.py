@@ -18,6 +18,7 @@ import numpy as np
 
 from fluxlock.config.machine import Machine
 from fluxlock.config.motor import RPM_PER_RAD_S
+from fluxlock.firmware.host import one_at_a_time
 from fluxlock.population.ideal import ideal_ripple_rpm
 from fluxlock.population.life import SPEED_TOLERANCE, Change, Hold, Life
 from fluxlock.results.angles import dq_current
@@ -191,6 +192,7 @@ def judge(data: RunData, life: Life) -> Judgement:
     return Judgement(tuple(j.reasons), holds, overshoot, current)
 
 
+@one_at_a_time()
 def play(life: Life) -> RunData:
     """Run a life on the host."""
     from fluxlock.native.player import player

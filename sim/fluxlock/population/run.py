@@ -20,7 +20,7 @@ from fluxlock import native, results
 from fluxlock.base.paths import BUILD, content_hash
 from fluxlock.base.writable import check_folder, write_whole
 from fluxlock.cosim.parameters import parameter_block
-from fluxlock.firmware import build_host_library
+from fluxlock.firmware.toolchain import host_sources
 from fluxlock.population.draw import Draw, Population
 from fluxlock.population.injection_draw import InjectionDraw
 from fluxlock.population.injection_judge import judge_injection, row_of
@@ -28,7 +28,7 @@ from fluxlock.population.injection_life import InjectionLife, injection_life, in
 from fluxlock.population.judge import judge, play
 from fluxlock.population.life import Life, life_of, refusals
 from fluxlock.population.rest import RestLife, judge_rest, rest_life
-from fluxlock.workers import side_by_side
+from fluxlock.workers import side_by_side, versions
 
 FOLDER = BUILD / "population"
 RIGHT, NAMED, REFUSED, WRONG = "right", "named", "refused", "wrong"
@@ -50,12 +50,15 @@ def outcomes(method: Population) -> tuple[str, ...]:
 
 
 def makers() -> str:
-    """Hash of firmware, of the models that run it, and of what measures; taken before the first life."""
+    """Hash of firmware, of the models that run it, of what measures, and of the packages; taken before the first life.
+
+    Equal in every checkout of equal content.
+    """
     own, shared = MEASURING
-    sources = [*Path(native.__file__).parent.glob("*.py"), build_host_library()]
+    sources = [*Path(native.__file__).parent.glob("*.py")]
     sources += [Path(__file__).with_name(f"{name}.py") for name in own]
     sources += [Path(results.__file__).with_name(f"{name}.py") for name in shared]
-    return content_hash(sources)
+    return content_hash(sources, host_sources(), versions())
 
 
 def _key(life: Life | InjectionLife, made_by: str) -> str:

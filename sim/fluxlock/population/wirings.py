@@ -24,6 +24,7 @@ from fluxlock.base.writable import check_file
 from fluxlock.config import Scenario
 from fluxlock.config.scenario import Initial
 from fluxlock.firmware.binding import names
+from fluxlock.firmware.host import one_at_a_time
 from fluxlock.native.vector_run import Play
 from fluxlock.population.draw import Draw
 from fluxlock.population.life import life_of, refusals
@@ -89,6 +90,7 @@ def wirings_of(index: int, drawn: int) -> list[dict[str, Any]]:
     return [{}, *({"voltage_order": order} for order in ORDERS[1:]), *currents]
 
 
+@one_at_a_time()
 def try_wiring(scenario: Scenario, keys: dict[str, Any]) -> Trial:
     """The drive's test of a vector scenario with keys of its inverter's sensing."""
     sensing = scenario.inverter.sensing.model_copy(update=keys)

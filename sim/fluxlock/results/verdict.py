@@ -35,6 +35,7 @@ from fluxlock.config.reach import overloads
 from fluxlock.config.scenario import Accept, Scenario
 from fluxlock.config.vector_loops import loops_of
 from fluxlock.config.vector_timing import vector_timing
+from fluxlock.digits import apart
 from fluxlock.interface.names import trip_fault, words
 from fluxlock.results.metrics import Analysis, judge, trips
 from fluxlock.results.rundata import FloatArray, Rejection, RunData
@@ -493,10 +494,10 @@ def expectation_failures(expectations: list[dict[str, Any]]) -> list[str]:
     lines = []
     for e in expectations:
         if not e["pass"]:
-            value = "no value" if e["value"] is None else f"{e['value']:.4g}"
-            limits = [f"min {e['min']:g}"] if e["min"] is not None else []
-            limits += [f"max {e['max']:g}"] if e["max"] is not None else []
-            lines.append(f"{e['window']}: {e['metric']} is {value}, expected {' and '.join(limits)}")
+            limits = {word: e[word] for word in ("min", "max") if e[word] is not None}
+            value = "no value" if e["value"] is None else apart(e["value"], limits.values())
+            expected = " and ".join(f"{word} {limit:.12g}" for word, limit in limits.items())
+            lines.append(f"{e['window']}: {e['metric']} is {value}, expected {expected}")
     return lines
 
 
