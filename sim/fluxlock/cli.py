@@ -308,7 +308,7 @@ def profile(
         raise ConfigError([Problem("--to", f"{end_s:g}", text)])
     out_dir = out if out is not None else RESULTS / f"{scenario.stem}-profile"
     span = (round(from_s * CLOCK_HZ), round(end_s * CLOCK_HZ))
-    with _output(out_dir), ProgressBar(Console(stderr=True), loaded.duration_s) as progress:
+    with _output(out_dir), ProgressBar(Console(stderr=True), end_s) as progress:
         try:
             run_profile(loaded, out_dir, loaded.seed if seed is None else seed, span, progress, Console())
         except SimulationFault as error:

@@ -265,17 +265,22 @@ def test_recording(tmp_path: Path) -> None:
     )
 
 
-def test_gates_agree(exported: Path) -> None:
+def test_gates_agree(exported: Path, tmp_path: Path) -> None:
     """The page's simulation of the exported chip has the gates of the checkout's chip; not one clock may differ.
 
     The page's first block writes the folder, as the fixture has; the others run in it, with Verilator as they find it.
+    A Python that is called fails.
 
     Verifies: EXP-03, EXP-07
     """
     first, *blocks = BLOCK.findall(PAGE.read_text(encoding="utf-8"))
     assert first == "tools/setup.sh run\n.venv/bin/fluxlock export ../my-chip\ncd ../my-chip\n"
     (exported.parent / "fluxlock").symlink_to(ROOT)
-    said = run("".join(blocks), exported, tools=False)
+    assert blocks[-1].splitlines()[0] in (exported / "README.md").read_text()
+    for name in ("python", "python3"):
+        (tmp_path / name).write_text("#!/bin/sh\nexit 9\n")
+        (tmp_path / name).chmod(0o755)
+    said = run("".join([f"PATH={tmp_path}:$PATH\n", *blocks]), exported, tools=False)
     found = re.search(rf"ok: {CLOCKS} clocks, (\d+) changes of the gates, all as recorded", said)
     gates = exported / "sim" / "gates.txt"
     lines = gates.read_text().splitlines(keepends=True)

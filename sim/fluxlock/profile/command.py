@@ -102,7 +102,7 @@ def traced_run(
     scenario: Scenario, out_dir: Path, seed: int, span: tuple[int, int], progress: Progress | None = None
 ) -> tuple[Trace, RunData]:
     """Run a scenario on the chip that shows its core; trace the clocks of `span`, from..to, where it ends."""
-    tell_building(progress, scenario.duration_s, "chip")
+    tell_building(progress, span[1] / CLOCK_HZ, "chip")
     image = image_of(scenario)
     try:
         generate_registers()
