@@ -61,7 +61,7 @@ def test_fast_machine_is_caught(hz: int) -> None:
     assert bench.model.rpm == pytest.approx(rpm, rel=0.005) and bench.trips == 0
 
 
-@pytest.mark.parametrize("flux", [0.8, 1.2])
+@pytest.mark.parametrize("flux", [0.78, 0.8, 1.2])
 def test_wrong_flux_is_no_jolt(flux: float) -> None:
     """Flux of the file 20 % off: the voltage that catches is the EMF that was measured, and the current stays small.
 
