@@ -21,15 +21,15 @@ SCENARIO = ROOT / "scenarios" / "campaign" / "six-step.toml"
 ELSE = Path("else.txt")
 
 REFUSED: dict[str, tuple[Callable[[Drive], object], type[Exception], str]] = {
-    "a torque without its name": (lambda d: d.load(0.01), TypeError, "positional"),  # type: ignore[call-arg]
+    "a torque without its name": (lambda d: d.load(0.01), TypeError, "positional"),  # type: ignore[call-arg]  # on purpose
     "no load": (lambda d: d.load(), TypeError, "needs a factor, or a part of the load: constant_nm, coulomb_nm"),
     "a part of no load": (lambda d: d.load(torque_nm=0.1), TypeError, "does not take torque_nm; it takes: constant_nm"),
-    "a load in words": (lambda d: d.load(constant_nm="much"), ValueError, "constant_nm = 'much': must be a number"),  # type: ignore[arg-type]
+    "a load in words": (lambda d: d.load(constant_nm="much"), ValueError, "constant_nm = 'much': must be a number"),  # type: ignore[arg-type]  # on purpose
     "a disturbance": (lambda d: d.disturb("ia", scale=0.5), TypeError, "it takes: offset_lsb, gain, noise_lsb"),
     "a detail": (lambda d: d.fault("open_phase", wings=2), TypeError, "fault 'open_phase' does not take wings"),
     "another detail": (lambda d: d.fault("supply", level=1), TypeError, "it takes: supply_v, ramp_s"),
     "a kind": (lambda d: d.fault("open", wings=2), ValueError, "fault 'open': must be one of open_phase, shorted"),
-    "a supply in words": (lambda d: d.supply("12"), ValueError, "volts = '12': must be a number, at least 0"),  # type: ignore[arg-type]
+    "a supply in words": (lambda d: d.supply("12"), ValueError, "volts = '12': must be a number, at least 0"),  # type: ignore[arg-type]  # on purpose
     "no bus": (lambda d: d.can.send(1), DriveError, "the scenario has no [can]"),
     "a signal of the inside": (lambda d: d.dut.u_safety.u_trip, AttributeError, 'signals=["fl_trip.*"]'),
     "a span backwards": (lambda d: d.window(0.1, 0.05), ValueError, "window 0.1 to 0.05 s: must end after its begin"),
@@ -58,7 +58,7 @@ async def wrong_use_is_refused(drive: Drive) -> None:
     for waits, said in (
         (drive.run(-0.01), "seconds = -0.01: must be a number, at least 0"),
         (drive.until(5e-5), "until 5e-05 s: that time is past"),
-        (drive.until("soon"), "when = 'soon': must be a number"),  # type: ignore[arg-type]
+        (drive.until("soon"), "when = 'soon': must be a number"),  # type: ignore[arg-type]  # on purpose
     ):
         with pytest.raises(ValueError, match=said):
             await waits

@@ -32,5 +32,5 @@ def refuse_writes() -> None:
             raise AttributeError(f"{error}; {UNSEEN}") from None
 
     for kind in (LogicObject, LogicArrayObject, PackedObject, IntegerObject, EnumObject):
-        kind._set_value = refuse  # type: ignore[assignment,method-assign]
-    HierarchyObject.__getattr__ = child  # type: ignore[assignment,method-assign]
+        kind._set_value = refuse  # type: ignore[assignment,method-assign]  # cocotb has no hook
+    HierarchyObject.__getattr__ = child  # type: ignore[assignment,method-assign]  # cocotb has no hook

@@ -12,8 +12,6 @@
 // hold the old ones.
 #define TIMER_SETTLED_TICKS 2u
 #define CARRIERS_A_SECTOR 6u
-// Sectors so short may pass unseen between two ticks.
-#define SHORT_TICKS 4u
 #define ONE_Q16 65536
 // A commutation so late does not come.
 #define PLACE_MAX_Q16 (2 * ONE_Q16)

@@ -13,6 +13,8 @@
 // Over which the speed is a mean where correction B evens out what differs between rising and falling crossings.
 #define SHORT_INTERVALS 3u
 #define TURN_INTERVALS 6u
+// Sectors so short may pass unseen between two ticks.
+#define SHORT_TICKS 4u
 
 // Measured quantities of the last tick.
 typedef struct {

@@ -6,8 +6,6 @@
 #include "control/fixed.h"
 #include "control/placement.h"
 
-// Sectors that are longer are seen one by one.
-#define SLOW_TICKS 4u
 #define MISSES_BEFORE_TRIP 2u
 // 5 ms at 10 kHz, looked at every fourth tick.
 #define OUTRUN_TICKS 50u
@@ -305,7 +303,7 @@ HOT static uint32_t timeout_q12(const six_step_t *six, const order_t *order) {
   if (order->state == STATE_STARTING) {
     return start_timeout_q12(&six->start);
   }
-  if (mean_cycles <= SLOW_TICKS * (uint32_t)six->p->tick_cycles || six->command.sequence.timer != COMMUTATION_ZCD) {
+  if (mean_cycles <= SHORT_TICKS * (uint32_t)six->p->tick_cycles || six->command.sequence.timer != COMMUTATION_ZCD) {
     return COMMUTATION_TIMEOUT_Q12;
   }
   const uint32_t last_cycles = measure_interval_cycles(&six->m, 0);
