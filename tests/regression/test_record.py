@@ -15,6 +15,7 @@ import pytest
 
 from fluxlock.config import ConfigError
 from fluxverify.regression import command
+from fluxverify.regression.case import Row
 from fluxverify.regression.record import (
     ERROR,
     FACTOR,
@@ -357,6 +358,14 @@ def test_run_judges(
     moved = "error.rms = 2 is outside of 0.6667 … 1.5 about the recorded 1 (one seed, revision abc)"
     assert f"failed: six-step/hall/after: {moved}" in lines
     assert "failed: six-step/hall/before: recorded, but its case makes it no more" in lines
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), None])
+def test_no_number_is_no_value(value: float | None) -> None:
+    """What is no number misses its limit, and the results stay JSON: a NaN in one row lost those of all others."""
+    row = Row("six-step/lost-lock/sequence", {}, {"gap_deg": value, "trips": 0}, {"gap_deg": (None, 65), "trips": (0, 0)})
+    assert row.misses() == ["gap_deg has no value"]
+    assert json.loads(json.dumps(row.as_json(), allow_nan=False))["values"] == {"gap_deg": None, "trips": 0}
 
 
 def test_bad_records(tmp_path: Path) -> None:

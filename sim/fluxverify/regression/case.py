@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -24,7 +25,8 @@ class Row:
     """One row of `build/regression.json`.
 
     id: `<set>/<case>/<variant>`. values: names carry the units (`commutation_error_deg.rms`). limits: name of a value
-    -> (least, most), None = open; a value that is missing or None misses its limit. note: what a reader should know.
+    -> (least, most), None = open; a value that is missing, None or not finite misses its limit and is written as null.
+    note: what a reader should know.
     """
 
     id: str
@@ -38,7 +40,7 @@ class Row:
         lines = []
         for name, (least, most) in self.limits.items():
             value = self.values.get(name)
-            if value is None:
+            if value is None or not math.isfinite(value):
                 lines.append(f"{name} has no value")
             elif (least is not None and not value >= least) or (most is not None and not value <= most):
                 lines.append(f"{name} = {value:.6g} is outside of {limit_text(least, most)}")
@@ -50,11 +52,15 @@ class Row:
         return {
             "id": self.id,
             "conditions": self.conditions,
-            "values": self.values,
+            "values": {name: _finite(value) for name, value in self.values.items()},
             "limit": limits,
             "pass": not self.misses(),
             "note": self.note,
         }
+
+
+def _finite(value: Number) -> Number:
+    return value if value is None or math.isfinite(value) else None
 
 
 def limit_text(least: float | None, most: float | None) -> str:

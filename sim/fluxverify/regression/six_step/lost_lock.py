@@ -146,7 +146,8 @@ def _effect(run: Run) -> dict[str, Number]:
     after = records[records["t_cycle"] >= since]
     speed = float(np.mean(before["omega_e"]))
     deviation = float(np.max(np.abs(after["omega_e"] / speed - 1.0)))
-    gap_deg = float(np.max(crossings.between(since, math.inf).intervals_deg(), initial=0.0))
+    # Behind the last record there is no angle.
+    gap_deg = float(np.max(crossings.between(since, run.analysis.track.last_cycle).intervals_deg(), initial=0.0))
     lost = int(console_word(run, "lost_locks") or 0)
     values: dict[str, Number] = {"speed_deviation_percent": 100 * deviation, "largest_crossing_interval_deg": gap_deg}
     disturbed = lost > 0 or bool(run.result["trips"]) or gap_deg > MISSED_DEG or deviation > SPEED_SHARE
