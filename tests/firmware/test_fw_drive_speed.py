@@ -46,6 +46,27 @@ def test_load_step_and_ramp_follow_the_settings() -> None:
     assert bench.model.rpm == pytest.approx(40_000, rel=0.005)
 
 
+def test_ramps_of_any_slope_are_kept() -> None:
+    """A rotor of a tenth of the inertia keeps to 4 000 000 r/min/s, 400 r/min in a control tick.
+
+    A step stopped at 256 r/min, and above 512 r/min the ramp asked for all of the current limit.
+
+    Verifies: FW-16
+    """
+    light = machines.motor(inertia_kgm2=MOTOR_1.inertia_kgm2 / 10)
+    bench = Bench(motor=light, drive=machines.drive(accel_rpm_per_s=4e6, sync_rect=True))
+    bench.start(30_000)
+    bench.run(0.6)
+    assert bench.model.rpm == pytest.approx(30_000, rel=0.005)
+    bench.fw.command("set speed_rpm 60000")
+    bench.run(0.0055)
+    reference_rpm = bench.fw.telemetry().reference_rpm_q8 / 256
+    assert reference_rpm == pytest.approx(30_000 + 4e6 * 0.0055, rel=0.02)
+    # The fan takes more with the speed, which the integral has to learn.
+    bench.run(0.4)
+    assert bench.model.rpm == pytest.approx(60_000, rel=0.005)
+
+
 def test_current_limit_binds_without_windup() -> None:
     """Far too steep a ramp: the current settles at its limit within 15 %, then no overshoot above 2 %.
 

@@ -344,7 +344,7 @@ def _speed(d: Design) -> dict[str, Value]:
         "speed_kp_stiffness": kp_stiffness,
         "speed_kp_shift": kp_shift,
         "speed_wt_q16": max(1, round(bandwidth / KI_DIVISOR * d.tick_s * Q5 * Q16)),
-        "current_accel": gain(m.k_e / motor.inertia_kgm2 * d.tick_s / d.ampere * RPM_PER_RAD_S * Q20, "current_accel"),
+        "current_accel": gain(m.k_e / motor.inertia_kgm2 * d.tick_s / d.ampere * RPM_PER_RAD_S * Q16, "current_accel"),
         "speed_lag_q16": max(1, round(bandwidth * d.tick_s / SPEED_DELAY_RAD * Q16)),
         "discontinuous_q16": round(min(1.0, d.damping_ohm * carrier_s / (2.0 * m.line_h)) * Q16),
         "boundary_current": gain(4096.0 / (2.0 * m.line_h * CLOCK_HZ) * d.ampere / d.volt, "boundary_current"),
