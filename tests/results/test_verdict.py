@@ -15,6 +15,7 @@ import pytest
 
 from fluxlock.base.paths import ROOT
 from fluxlock.config import ConfigError, Scenario, load_scenario
+from fluxlock.config.fields import with_unit
 from fluxlock.results.metrics import Analysis, run_metrics
 from fluxlock.results.rundata import LogKind, Rejection, RunData, load_trace, save_trace
 from fluxlock.results.verdict import Verdict, expectation_failures, judge_run, say
@@ -516,9 +517,31 @@ def test_overload_on_purpose_is_named() -> None:
     for data, passed in ((at_limit, True), (run(lost_locks=1), False)):
         found = verdict(data, heavy)
         assert found.passed is passed, found.lines
-        (note,) = found.notes
+        note, current = found.notes
         assert note.startswith("overload on purpose: event[0].speed_rpm: 6000 r/min with ")
-        assert found.as_json()["notes"] == [note]
+        assert current.startswith("current: ")
+        assert found.as_json()["notes"] == [note, current]
     assert "accepted current: --allow-overload" in verdict(at_limit, heavy).lines
     light = load_scenario(demo, BASE, allow_overload=True)
     assert verdict(run(), light).notes == () and "notes" not in verdict(run(), light).as_json()
+
+
+def test_current_above_its_limit_is_told() -> None:
+    """A millisecond's mean above 1.15 times the limit stands in the verdict; not if the limit is set on the way.
+
+    Verifies: FRONT-67
+    """
+    demo = ROOT / "scenarios" / "demo.toml"
+    data = run()
+    pair = 0.5 * sum(np.abs(data.records[name]) for name in ("ia", "ib", "ic"))
+    limit_a = float(np.mean(pair)) / 2
+    of = load_scenario(demo, [*BASE, f"drive.current_limit_a={limit_a}"], allow_overload=True)
+    (note,) = [line for line in verdict(data, of).notes if line.startswith("current: ")]
+    assert note.endswith(f"% of its limit of {with_unit(limit_a, 'A')}") and " A for a millisecond from " in note
+    assert verdict(data, scenario()).notes == ()
+    told = load_scenario(
+        demo,
+        [*BASE, f"drive.current_limit_a={limit_a}", events('{at_s=0.001,command="set current_limit_a 30"}')],
+        allow_overload=True,
+    )
+    assert not [line for line in verdict(data, told).notes if line.startswith("current: ")]

@@ -22,11 +22,10 @@ from fluxlock.firmware.host import one_at_a_time
 from fluxlock.population.ideal import ideal_ripple_rpm
 from fluxlock.population.life import SPEED_TOLERANCE, Change, Hold, Life
 from fluxlock.results.angles import dq_current
-from fluxlock.results.metrics import Analysis, trips
+from fluxlock.results.metrics import Analysis, largest_current, trips
 from fluxlock.results.rundata import ComplexArray, FloatArray, RunData
-from fluxlock.results.verdict import LOST_COMMUTATIONS, LOST_DEG, LOST_S, RUNNING, STATES
+from fluxlock.results.verdict import CURRENT_SHARE, LOST_COMMUTATIONS, LOST_DEG, LOST_S, RUNNING, STATES
 
-CURRENT_SHARE, CURRENT_MEAN_S = 1.15, 1e-3
 ANGLE_RMS_DEG, COMMUTATION_RMS_DEG = 3.0, 1.0
 RIPPLE_SHARE, RIPPLE_OF_IDEAL = 0.01, 1.3
 OVERSHOOT_SHARE = 0.05
@@ -118,19 +117,11 @@ class Judge:
 
     def largest_current(self) -> float:
         """Largest mean over a millisecond over the limit."""
-        size = np.abs(self.current) if self.vector else self._line_current()
-        count = max(1, round(CURRENT_MEAN_S / float(np.median(np.diff(self.time_s)))))
-        mean = np.convolve(size, np.full(count, 1.0 / count), "valid")
-        share = float(mean.max(initial=0.0)) / self.scenario.current_limit_a
+        most_a, at_s = largest_current(self.data, self.vector)
+        share = most_a / self.scenario.current_limit_a
         if share > CURRENT_SHARE:
-            at_s = self.time_s[int(mean.argmax())]
             self.wrong("current", f"{100 * share:.0f} % of the limit at {at_s:.4f} s")
         return share
-
-    def _line_current(self) -> FloatArray:
-        """Current of the conducting pair."""
-        records = self.data.records
-        return np.asarray(0.5 * sum(np.abs(records[name]) for name in ("ia", "ib", "ic")))
 
     def file_error_deg(self, current: complex, omega: float) -> float:
         """Angle by which the observed EMF is off for the file's errors alone."""

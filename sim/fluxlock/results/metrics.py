@@ -46,6 +46,8 @@ GUARD_CYCLES = 1
 NO_CURRENT_FRACTION = 0.02
 # From a commutation without advance to the crossing of its sector: by then the freewheeling must be over.
 CROSSING_DEG = 30.0
+# A current is judged by its largest mean over this time.
+CURRENT_MEAN_S = 1e-3
 # Below it a turn has no meaningful mean.
 MIN_SPEED_RAD_S = 1.0
 
@@ -79,6 +81,17 @@ class Series:
         """True angles between successive entries, positive in the direction of rotation."""
         steps: FloatArray = np.degrees(np.diff(self.theta_rad)) * self.direction[1:]
         return steps
+
+
+def largest_current(data: RunData, vector: bool) -> tuple[float, float]:
+    """Largest mean over CURRENT_MEAN_S, A, and its begin, s. Of the conducting pair in six-step, else the amplitude."""
+    records = data.records
+    time_s = records["t_cycle"] / data.clock_hz
+    pair = 0.5 * sum(np.abs(records[name]) for name in ("ia", "ib", "ic"))
+    size: FloatArray = np.abs(dq_current(records)) if vector else np.asarray(pair, dtype=np.float64)
+    count = max(1, round(CURRENT_MEAN_S / float(np.median(np.diff(time_s)))))
+    mean = np.convolve(size, np.full(count, 1.0 / count), "valid")
+    return float(mean.max(initial=0.0)), float(time_s[int(mean.argmax())])
 
 
 def gate_change_cycles(data: RunData) -> IntArray:

@@ -14,6 +14,8 @@
 - a mean speed, in a window or at the end, off its target by more than `SPEED_TOLERANCE`, or a speed that swings;
 - a missed `[[expect]]`.
 
+A current above its limit is told and fails no run: where the least pulse drives more, no limit can hold it.
+
 The verdict judges the speed only where it must have settled: the drive runs, the ramp of the target has ended, and
 nothing has moved target, load, supply or settings for ten time constants of the speed loop; where it has been three of
 them, a rotor without half the speed fails too. If a limit of the drive
@@ -30,14 +32,15 @@ from typing import Any
 
 import numpy as np
 
-from fluxlock.config.console import number_of_line, switch_of_line
+from fluxlock.config.console import CURRENT_LIMITS, number_of_line, switch_of_line
+from fluxlock.config.fields import with_unit
 from fluxlock.config.reach import overloads
 from fluxlock.config.scenario import Accept, Scenario
 from fluxlock.config.vector_loops import loops_of
 from fluxlock.config.vector_timing import vector_timing
 from fluxlock.digits import apart
 from fluxlock.interface.names import trip_fault, words
-from fluxlock.results.metrics import Analysis, judge, trips
+from fluxlock.results.metrics import Analysis, judge, largest_current, trips
 from fluxlock.results.rundata import FloatArray, Rejection, RunData
 
 SPEED_TOLERANCE = 0.01
@@ -63,6 +66,8 @@ LOST_COMMUTATIONS = 6
 LOST_S = 1e-3
 # The drive's speed is not the rotor's: apart by this share, and by this one of the highest speed, for this time.
 APART, APART_OF_MAX, APART_S, APART_TURNS = 0.2, 0.02, 0.05, 1.5
+# A current above its limit by this factor is told.
+CURRENT_SHARE = 1.15
 
 READY, STARTING, RUNNING, STOPPING, FAULT = 1, 2, 3, 4, 5
 STATES = words("state")
@@ -97,7 +102,7 @@ class Finding:
 class Verdict:
     """passed; lines: why the run failed, else what was found, the first one alone says enough.
 
-    notes: what the scenario asks of the drive on purpose.
+    notes: what the scenario asks of the drive on purpose, and a current above its limit.
     """
 
     passed: bool
@@ -449,6 +454,21 @@ class Judge:
         return [Finding("speed", f"the drive's target is {has:g} r/min, it was given {given[-1]:g} r/min")]
 
 
+    # The current.
+
+    def current_notes(self) -> list[str]:
+        """A current above the limit of the file; with a limit that is set on the way it is not known."""
+        lines = (event.command or "" for event in self.scenario.event)
+        if self.by_bus or any(line.startswith(f"set {key} ") for line in lines for key in CURRENT_LIMITS):
+            return []
+        most_a, at_s = largest_current(self.data, self.scenario.drive.method == "vector")
+        share = most_a / self.scenario.current_limit_a
+        if share <= CURRENT_SHARE:
+            return []
+        limit = with_unit(self.scenario.current_limit_a, "A")
+        return [f"current: {most_a:.3g} A for a millisecond from {at_s:.4f} s on, {share:.0%} of its limit of {limit}"]
+
+
 def _stretches(mask: np.ndarray, open_end: bool) -> list[tuple[int, int]]:
     """Begin and end of each stretch of True; one that lasts to the end only with open_end."""
     change = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
@@ -571,7 +591,7 @@ def judge_run(
         spans = judge_of.spans()
         causes += [f.line for f in _speed_findings([m for m in judge_of.misses(spans) if open_(m.kind, m.span.window)])]
         causes += left(judge_of.swing_findings(spans))
-    notes = tuple(f"overload on purpose: {line}" for line in overloads(scenario))
+    notes = (*(f"overload on purpose: {line}" for line in overloads(scenario)), *judge_of.current_notes())
     expectations = [judge(e, metrics) for e in scenario.expect]
     causes += expectation_failures(expectations)
     if causes:
