@@ -73,7 +73,8 @@ async def a_failing_end_has_its_name(drive: Drive) -> None:
 
     Verifies: DRV-05
     """
-    branch = drive.branch(["good", "bad", "gone", "left"])
+    branch = drive.branch(["good", "bad", "gone", "left", "kept"])
+    text = ""
     try:
         for each in branch:
             await drive.run(1e-5)
@@ -82,14 +83,25 @@ async def a_failing_end_has_its_name(drive: Drive) -> None:
                 raise SystemExit(3)
             if each.value == "left":
                 return
-            each.keep(each.number)
+            each.keep(each.number if each.value != "kept" else lambda: None)
     except BranchError as error:
         text = str(error)
-    assert "3 of 4 ends failed" in text
+    assert "4 of 5 ends failed" in text
     assert "end 1 ('bad')" in text and "AssertionError: this one" in text
     assert "end 2 ('gone')" in text
     assert "end 3 ('left')" in text and "left the loop" in text
-    assert branch.kept == [0, None, None, None]
+    assert "end 4 ('kept')" in text and "pickle cannot carry it" in text
+    assert branch.kept == [0, None, None, None, None]
+
+
+@drive_test(expect_fail=True)
+async def a_body_that_leaves_its_loop_fails(drive: Drive) -> None:
+    """Not even the end of the test in the copy hides it.
+
+    Verifies: DRV-05
+    """
+    for _ in drive.branch([1, 2]):
+        break
 
 
 async def short_start(drive: Drive) -> None:

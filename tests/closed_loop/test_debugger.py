@@ -9,6 +9,7 @@ The debugger is `gdb_client`: it sees what a packet carries. GDB itself is in `t
 from __future__ import annotations
 
 import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -26,6 +27,7 @@ from fluxlock.cosim.debugger import Debugger, open_port
 from fluxlock.generate.memory import TELEMETRY_ADDRESS
 from fluxlock.generate.registers import IO_BASE
 from fluxlock.profile.elf import Program, read_program
+from fluxlock.results.rundata import SimulationFault
 from tests.closed_loop.gdb_client import GdbClient, Refused, ends_as, waiting
 
 SPIN = Path(__file__).parent / "scenarios" / "spin.toml"
@@ -244,3 +246,42 @@ def test_what_is_no_debugger_ends_nothing() -> None:
         thread.join(10)
         assert not thread.is_alive()
     server.end()
+
+
+def test_a_debugger_that_is_killed_while_the_core_runs() -> None:
+    """Its connection is reset, not closed: the run goes on, the next debugger is served.
+
+    Verifies: SYS-20
+    """
+    core, listener = StandIn(), open_port(":0")
+    host, port = listener.getsockname()
+    server = Debugger(core, listener, 50e6)
+    thread = threading.Thread(target=core.stopped)
+    thread.start()
+    with socket.create_connection((host, port), 10) as link:
+        link.sendall(b"$c#63")
+        thread.join(10)
+        link.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # close resets
+    server.listen()
+    thread = threading.Thread(target=core.stopped)
+    thread.start()
+    with GdbClient(host, port) as gdb:
+        assert gdb.ask("?") == "T02thread:1;"
+    thread.join(10)
+    assert not thread.is_alive()
+    server.end()
+
+
+def test_two_runs_with_one_port() -> None:
+    """Both find it free while their chips are built; the later one says that it is taken.
+
+    Verifies: SYS-20
+    """
+    first = open_port(":0")
+    port = first.getsockname()[1]
+    second = open_port(f":{port}")
+    server = Debugger(StandIn(), first, 50e6)
+    with pytest.raises(SimulationFault, match=f"--gdb: 127.0.0.1:{port}: cannot be opened: .*; take another port"):
+        Debugger(StandIn(), second, 50e6)
+    server.end()
+    second.close()

@@ -56,6 +56,18 @@ def test_links(page: Path) -> None:
         assert not anchor or anchor in anchors(file), f"{target}: no such heading"
 
 
+@pytest.mark.parametrize(
+    "page", sorted((ROOT / "docs" / "howto").rglob("*.md")), ids=lambda p: p.relative_to(ROOT).as_posix()
+)
+def test_pytest_is_there(page: Path) -> None:
+    """A how-to page that calls pytest of the environment installs it before, for it may begin with a fresh clone.
+
+    Verifies: DOC-04
+    """
+    before, called, _ = page.read_text().partition("\n.venv/bin/pytest")
+    assert not called or re.search(r"^tools/setup\.sh .*\btest\b", before, re.MULTILINE)
+
+
 def names_in_rtl(module: str) -> set[str]:
     """Ports and header parameters of a module."""
     (source,) = RTL.rglob(f"{module}.sv")

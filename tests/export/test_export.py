@@ -14,14 +14,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 import yaml
 
 from fluxlock.base.paths import ROOT, RTL, package_dir, tool_environment
+from fluxlock.base.stage import SIMULATING, Progress, ProgressInfo
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import ConfigError, load_scenario
 from fluxlock.cosim.block import object_cache
-from fluxlock.cosim.plan import RAW_FILE, RECORDING_FILE
+from fluxlock.cosim.plan import RAW_FILE, RECORDING_FILE, SessionPlan
 from fluxlock.cosim.run import prepare
 from fluxlock.export import folder as folders
+from fluxlock.export import recording as recordings
 from fluxlock.export.command import export
 from fluxlock.export.flows import BOARDS, own_files, top
 from fluxlock.export.recording import Recording, read_recording
@@ -79,6 +83,7 @@ def test_refusals(tmp_path: Path) -> None:
         ([str(tmp_path / "note.txt")], "is a file; name a folder"),
         ([str(tmp_path / "new"), "--board", "nexys"], "--board: nexys: is no board; there are: ulx3s, arty"),
         ([str(tmp_path / "new"), "--clocks", "10"], "--clocks"),
+        ([str(tmp_path / "note.txt" / "new")], "new: cannot be written: Not a directory; name another folder"),
     ):
         done = subprocess.run([program, "export", *words], capture_output=True, text=True, check=False)
         assert done.returncode == 2 and said in done.stderr and done.stderr.count("\n") == 1, done.stderr
@@ -226,6 +231,44 @@ def test_one_board(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert not [path for path in tmp_path.rglob("*") if "ulx3s" in path.name]
     assert "ulx3s" not in (tmp_path / "fluxlock.core").read_text() + (tmp_path / "README.md").read_text()
     assert {path.name for path in tmp_path.rglob("vendor/*")} == {"BUFG.sv", "PLLE2_BASE.sv", "STARTUPE2.sv"}
+
+
+def test_an_export_that_breaks_off_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The next one may have the same folder. What somebody else has put there meanwhile stays.
+
+    Verifies: EXP-04
+    """
+
+    def interrupted(folder: Path, *_: object) -> Recording:
+        assert (folder / "fl_soc.f").exists()
+        (tmp_path / "note.txt").write_text("mine\n")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(folders, "_bench", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        export(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["note.txt"]
+
+
+def test_an_export_says_what_takes_so_long(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The chip is being built, then simulated; without a terminal a line each.
+
+    Verifies: EXP-04
+    """
+
+    def simulated(plan: SessionPlan, _chip: object, progress: Progress) -> dict[str, str]:
+        progress(ProgressInfo(0.0, plan.duration_cycles / CLOCK_HZ, 0.0, 0.0, SIMULATING))
+        return {"fault": "broke off"}
+
+    monkeypatch.setattr(recordings, "chip_of", lambda _: None)
+    monkeypatch.setattr(recordings, "run_plan", simulated)
+    with pytest.raises(typer.Exit):
+        export(tmp_path, clocks=CLOCKS)
+    said = capsys.readouterr().err
+    assert re.search(r"building chip +0\.000/0\.020 s.*\nsimulating +0\.000/0\.020 s.*\nfailed: broke off\n$", said)
+    assert not list(tmp_path.iterdir())
 
 
 def test_recording(tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Protocol
 
 from fluxlock.headers import CData
+from fluxlock.results.rundata import SimulationFault
 
 OPTION = "--gdb"
 CORE_HALT, CORE_WATCH = 1, 4  # of cosim.h
@@ -147,7 +148,12 @@ class Debugger:
         self._set: set[tuple[int, int, int]] = set()  # kind, address, size of break- and watchpoints
         self._running = False
         core.debug(self._stopped)
-        listener.listen(1)
+        try:
+            listener.listen(1)
+        except OSError as error:  # another run has begun to listen since `open_port`
+            host, port = listener.getsockname()[:2]
+            text = f"{OPTION}: {host}:{port}: cannot be opened: {error.strerror}; take another port"
+            raise SimulationFault(text) from None
 
     def listen(self) -> None:
         """Take an interrupt of the debugger, or a new debugger. To be called now and then while the core runs."""
@@ -161,7 +167,10 @@ class Debugger:
         if self._link is None:
             self._core.request()
             return
-        heard = self._link.recv(PACKET_BYTES)
+        try:
+            heard = self._link.recv(PACKET_BYTES)
+        except OSError:  # it was killed
+            heard = b""
         if not heard:
             self._detach()
         elif INTERRUPT in heard:

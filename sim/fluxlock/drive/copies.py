@@ -12,7 +12,7 @@ import tempfile
 import traceback
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import IO, Any, Generic, TypeVar
+from typing import IO, Any, ClassVar, Generic, TypeVar
 
 from cocotb.task import Task, current_task
 
@@ -20,6 +20,7 @@ from fluxlock.base.processes import end_with_parent
 
 Value = TypeVar("Value")
 FAILED = "failed"
+LEFT = "the body left the loop over the branch (return or break)"
 
 
 class BranchError(AssertionError):
@@ -39,11 +40,21 @@ def _flush() -> None:
     sys.stderr.flush()
 
 
+def _pickled(report: Report) -> bytes:
+    """A report; where pickle cannot carry what it keeps, one that says so."""
+    try:
+        return pickle.dumps(report)
+    except Exception as error:  # whatever an object of the user's raises
+        return pickle.dumps(Report(f"keep({report.kept!r}): pickle cannot carry it: {error}", None))
+
+
 class Copy:
     """A copy of this process. In the original: `pid` is its number and `wait` gets its report; in the copy `pid` is 0.
 
     A copy that leaves its part of the test without `end`, by an exception or otherwise, reports that and ends there.
     """
+
+    here: ClassVar[Copy | None] = None  # the one that this process is
 
     def __init__(self) -> None:
         # A file, not a pipe: a copy need not wait for whoever reads it.
@@ -52,14 +63,17 @@ class Copy:
         self.pid = os.fork()
         if self.pid == 0:
             end_with_parent()
+            Copy.here = self
             # Before cocotb's own callback, which would score the test and start the next one.
             current_task()._done_callbacks.insert(0, self._left)
 
     def end(self, error: str | None = None, kept: object = None) -> None:
-        """The copy: report and be gone."""
+        """The copy: report and be gone. A copy of it that has left its loop comes here too, and reports that."""
+        if Copy.here is not None and Copy.here is not self:
+            Copy.here.end(LEFT)
         code = 1
         try:
-            pickle.dump(Report(error, kept), self._file)
+            self._file.write(_pickled(Report(error, kept)))
             self._file.flush()
             code = 0
         except Exception:
@@ -71,10 +85,10 @@ class Copy:
 
     def _left(self, task: Task[Any]) -> None:
         if task.cancelled():
-            self.end("the copy's test was cancelled; the log says why")
+            self.end("the copy's test was cancelled: its timeout_time is over, or the log says why")
         error = task.exception()
         if error is None:
-            self.end("the body left the loop over the branch (return or break)")
+            self.end(LEFT)
         else:
             self.end("".join(traceback.format_exception(error)))
 

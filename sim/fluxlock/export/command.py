@@ -6,13 +6,19 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
+from rich.console import Console
 
 from fluxlock.base.paths import ROOT
+from fluxlock.base.progress import ProgressBar
 from fluxlock.base.writable import check_folder
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.command_line import SetOption
 from fluxlock.config import ConfigError, Problem, load_scenario
 from fluxlock.help import complete_toml
@@ -34,6 +40,20 @@ def _check_empty(folder: Path) -> None:
         raise ConfigError([Problem("DIR", str(folder), "is a file; name a folder")])
     if folder.is_dir() and any(folder.iterdir()):
         raise ConfigError([Problem("DIR", str(folder), "is not empty; name a new folder")])
+
+
+@contextmanager
+def _whole(folder: Path) -> Iterator[Path]:
+    """A folder within it to fill, whose content moves up at the end; what breaks off leaves nothing behind."""
+    try:
+        check_folder(folder)
+    except OSError as error:
+        reason = f"cannot be written: {error.strerror}; name another folder"
+        raise ConfigError([Problem("DIR", str(folder), reason)]) from None
+    with TemporaryDirectory(prefix=".part-", dir=folder) as part:
+        yield Path(part)
+        for path in Path(part).iterdir():
+            path.rename(folder / path.name)
 
 
 def export(
@@ -71,9 +91,10 @@ def export(
     if board is not None:
         check_board(loaded)
     check_parameters(loaded)
-    check_folder(folder)
+    end_s = min(clocks / CLOCK_HZ, loaded.duration_s)
     try:
-        recording = folders.export(folder, loaded, clocks, boards)
+        with _whole(folder) as part, ProgressBar(Console(stderr=True), end_s) as progress:
+            recording = folders.export(part, loaded, clocks, boards, progress)
     except (SimulatorError, RuntimeError) as error:
         print(f"failed: {error}", file=sys.stderr)
         raise typer.Exit(EXIT_FAILED) from None

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fluxlock.base.paths import GENERATED, ROOT, package_dir
+from fluxlock.base.stage import Progress
 from fluxlock.config import Scenario
 from fluxlock.cosim.block import WAIVERS
 from fluxlock.cosim.run import IMAGE_FILE
@@ -51,7 +52,13 @@ def place(source: Path) -> str:
     return source.relative_to(ROOT).as_posix()
 
 
-def export(folder: Path, scenario: Scenario, clocks: int, boards: Sequence[str] = tuple(flows.BOARDS)) -> Recording:
+def export(
+    folder: Path,
+    scenario: Scenario,
+    clocks: int,
+    boards: Sequence[str] = tuple(flows.BOARDS),
+    progress: Progress | None = None,
+) -> Recording:
     """Fill an empty folder; the run that was recorded for it."""
     generate_registers()
     soft_core()
@@ -66,7 +73,7 @@ def export(folder: Path, scenario: Scenario, clocks: int, boards: Sequence[str] 
         (folder / f"{name}.f").write_text("".join(f"{file}\n" for file in files))
     for name, script in flows.scripts(boards, lists, folder).items():
         (folder / name).write_text(script)
-    recording = _bench(folder, scenario, clocks)
+    recording = _bench(folder, scenario, clocks, progress)
     _copy(build_loader(), folder / "boot.hex")
     _licences(folder)
     (folder / "README.md").write_text(_readme(scenario, boards))
@@ -78,10 +85,10 @@ def _copy(source: Path, target: Path) -> None:
     shutil.copyfile(source, target)
 
 
-def _bench(folder: Path, scenario: Scenario, clocks: int) -> Recording:
+def _bench(folder: Path, scenario: Scenario, clocks: int, progress: Progress | None) -> Recording:
     """Image of the RAM, and the run that the checkout's chip makes with it."""
     with tempfile.TemporaryDirectory() as run:
-        recording = record(scenario, clocks, Path(run))
+        recording = record(scenario, clocks, Path(run), progress)
         _copy(Path(run) / IMAGE_FILE, folder / "firmware.hex")
     _copy(BENCH, folder / "sim" / BENCH.name)
     files = (package(scenario, recording), text(recording.pins), text(recording.gates))

@@ -13,6 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
+from fluxlock.base.stage import Progress, tell_building
+from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario
 from fluxlock.cosim.launch import run_plan
 from fluxlock.cosim.plan import RAW_FILE, RECORDING_FILE, SessionPlan
@@ -37,10 +39,11 @@ class Recording:
     gates: list[tuple[int, int]]
 
 
-def record(scenario: Scenario, clocks: int, folder: Path) -> Recording:
+def record(scenario: Scenario, clocks: int, folder: Path, progress: Progress | None = None) -> Recording:
     """Run the scenario's first clocks, at most all, on the checkout's chip; its files go into `folder`."""
+    tell_building(progress, min(clocks / CLOCK_HZ, scenario.duration_s), "chip")
     plan = prepare(scenario, folder, scenario.seed, recording=True, log_strobes=True, stop_cycle=clocks)
-    meta = run_plan(replace(plan, log_can=True), chip_of(scenario))
+    meta = run_plan(replace(plan, log_can=True), chip_of(scenario), progress)
     if meta["fault"]:
         raise RuntimeError(meta["fault"])
     return read_recording(plan, 2 * scenario.motor.phases + 3)
