@@ -55,7 +55,7 @@ def test_row_that_is_gone_is_told() -> None:
 
 def test_run_is_missing_or_has_failed(tmp_path: Path) -> None:
     """What is missing is named with its command; a run that has failed gives no numbers."""
-    with pytest.raises(ValueError, match="fluxlock run scenarios/slow-down.toml"):
+    with pytest.raises(ValueError, match=r"fluxlock run scenarios/slow-down\.toml"):
         measured.read(tmp_path / "slow-down")
     failed = result(1.0) | {"verdict": {"passed": False, "lines": ["the angle was lost"]}}
     (tmp_path / "result.json").write_text(json.dumps(failed), encoding="utf-8")

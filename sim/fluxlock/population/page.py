@@ -15,6 +15,7 @@ from fluxlock.base.paths import ROOT
 from fluxlock.base.writable import EXIT_BAD_INPUT, guarded
 from fluxlock.config import ConfigError, Problem
 from fluxlock.population import injection_judge, injection_life, judge, life
+from fluxlock.results import verdict
 from fluxlock.population.draw import POPULATIONS
 from fluxlock.population.injection_draw import injection_ranges
 from fluxlock.population.ranges import ranges
@@ -93,7 +94,7 @@ def _lives() -> list[str]:
         f"| speed, peak to peak | {100 * judge.RIPPLE_SHARE:g} %, or {judge.RIPPLE_OF_IDEAL:g} times that of an ideal "
         "drive on the same machine |",
         f"| speed beyond a new target | {100 * judge.OVERSHOOT_SHARE:g} % of the change |",
-        f"| current, mean over 1 ms | {judge.CURRENT_SHARE:g} times its limit |",
+        f"| current, mean over 1 ms | {verdict.CURRENT_SHARE:g} times its limit |",
         f"| angle error of vector control | {judge.ANGLE_RMS_DEG:g}° rms, less what the file's errors make |",
         f"| commutation error of six-step control | {judge.COMMUTATION_RMS_DEG:g}° rms |",
         "| trips, faults, restarts | none |",

@@ -453,7 +453,6 @@ class Judge:
             return []
         return [Finding("speed", f"the drive's target is {has:g} r/min, it was given {given[-1]:g} r/min")]
 
-
     # The current.
 
     def current_notes(self) -> list[str]:

@@ -72,8 +72,8 @@ def page(text: str, results: dict[str, Result]) -> str:
         speeds = f"{thousands(target)} / {thousands(whole)}.{tenths}"
         text = filled(text, f"scenarios/{name}.toml", 2, [speeds, f"{rms:.3f}"])
     step = results["demo"]["run"]["isr"]["control"]
-    told = " / ".join(f"{step[key]:.0f}" for key in ("min", "mean", "max"))
-    return filled(text, "control step, min / mean / max", 1, [told, "`make demo`"])
+    clocks = " / ".join(f"{step[key]:.0f}" for key in ("min", "mean", "max"))
+    return filled(text, "control step, min / mean / max", 1, [clocks, "`make demo`"])
 
 
 def read(folder: Path) -> Result:

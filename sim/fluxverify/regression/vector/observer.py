@@ -34,8 +34,8 @@ DELAYS = (0.25, 0.5, 0.75, 1.0)
 HOST_DEG, CHIP_DEG = 0.1, 0.5
 RIGHT_MEAN_DEG, RIGHT_RMS_DEG = 0.3, 0.5
 # The rotor turns at half its speed from the beginning on: the drive catches it without a current. What it is asked for
-# then is so far above the imposed speed that the speed regulator wants the whole current. The imposed ramp is one that a
-# loop of 400 Hz can follow: 1500 Hz in 10 ms, 4.3 degrees behind; in 4 ms the angle was lost on the way.
+# then is so far above the imposed speed that the speed regulator wants the whole current. A loop of 400 Hz follows the
+# imposed ramp, to 1500 Hz in 10 ms, 4.3 degrees behind; in 4 ms the angle was lost on the way.
 STARTED_S, ASKED_S, THERE_S, ABOVE_RPM = 0.004, 0.014, 0.024, 3000
 
 
