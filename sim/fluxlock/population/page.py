@@ -15,12 +15,12 @@ from fluxlock.base.paths import ROOT
 from fluxlock.base.writable import EXIT_BAD_INPUT, guarded
 from fluxlock.config import ConfigError, Problem
 from fluxlock.population import injection_judge, injection_life, judge, life
-from fluxlock.results import verdict
 from fluxlock.population.draw import POPULATIONS
 from fluxlock.population.injection_draw import injection_ranges
 from fluxlock.population.ranges import ranges
 from fluxlock.population.run import FOLDER, NAMED, OUTCOMES, outcomes
 from fluxlock.population.table import EXAMPLES, count, deciles, groups
+from fluxlock.results import verdict
 from fluxlock.sources import sources_text
 
 PAGE = ROOT / "docs" / "verification" / "population.md"
