@@ -363,7 +363,9 @@ def test_run_judges(
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), None])
 def test_no_number_is_no_value(value: float | None) -> None:
     """What is no number misses its limit, and the results stay JSON: a NaN in one row lost those of all others."""
-    row = Row("six-step/lost-lock/sequence", {}, {"gap_deg": value, "trips": 0}, {"gap_deg": (None, 65), "trips": (0, 0)})
+    row = Row(
+        "six-step/lost-lock/sequence", {}, {"gap_deg": value, "trips": 0}, {"gap_deg": (None, 65), "trips": (0, 0)}
+    )
     assert row.misses() == ["gap_deg has no value"]
     assert json.loads(json.dumps(row.as_json(), allow_nan=False))["values"] == {"gap_deg": None, "trips": 0}
 
