@@ -11,7 +11,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .NOTPARALLEL:
 
 .DEFAULT_GOAL := help
-.PHONY: help demo wheel check test can canopen native test-socketcan lint regression campaign population mutation coverage bench synth formal docs site diagrams release-check setup
+.PHONY: help demo wheel check test can canopen native test-socketcan test-wheel lint regression campaign population mutation coverage bench synth formal docs site diagrams release-check setup
 .PHONY: place clean distclean
 
 # A target's text stands behind ## with what it gives; its group stands in a line of its own behind ##@.
@@ -81,6 +81,9 @@ native: $(TEST) ## firmware in the simulator's process alone; minutes
 test-socketcan: $(TEST) ## master, candump, cansend and cangen on a real vcan0; minutes
 	@$(PY) -c 'from fluxlock.cosim.run import chip_of; from fluxlock.config import load_scenario; chip_of(load_scenario("scenarios/can.toml"))'
 	@FLUXLOCK_SOCKETCAN=vcan0 tools/socketcan.sh $(PY) -m pytest tests/canopen/test_master.py tests/canopen/can_utils.py
+
+test-wheel: $(TEST) ## the wheel in an environment and a home of its own, then its demo; minutes (PYTHON=python3.12)
+	@PYTHON=$(PYTHON) $(PY) -m pytest -q -s tests/package/pip_install.py
 
 ##@ Long runs
 

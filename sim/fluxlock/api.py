@@ -60,7 +60,8 @@ def scenario_of(scenario: Scenario | Path | str, overrides: Mapping[str, object]
     changes = [Override(tuple(parts), value) for parts, value in keys]
     try:
         if isinstance(scenario, Scenario):
-            return changed(scenario, changes) if changes else scenario
+            made = changed(scenario, changes)  # code may have made or copied it unchecked
+            return made if changes else scenario
         if any(isinstance(o.value, (Motor, Inverter)) for o in changes):
             return changed(load_scenario(scenario), changes)
         return load_scenario(scenario, changes)

@@ -20,7 +20,7 @@ import typer
 from fluxlock.base.paths import ROOT
 from fluxlock.cli import app
 from fluxlock.config import ConfigError, Scenario, load_scenario
-from fluxlock.config.loader import keys_of
+from fluxlock.config.wording import keys_of
 from fluxlock.drive import Drive
 from fluxlock.synth.blocks import ALL_BLOCKS, block_files, load_settings
 from fluxlock.synth.configurations import load_configurations

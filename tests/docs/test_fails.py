@@ -14,9 +14,9 @@ import pytest
 from fluxlock.base.paths import ROOT
 from fluxlock.config import Scenario
 from fluxlock.config.inverter import Inverter
-from fluxlock.config.loader import keys_of
 from fluxlock.config.motor import Motor
 from fluxlock.config.scenario import Accept, TripCause
+from fluxlock.config.wording import keys_of
 from fluxlock.flash.loader import RESULTS
 from fluxlock.interface.names import fault_names
 from fluxlock.results import verdict

@@ -211,6 +211,89 @@ def test_changed_in_code() -> None:
         fluxlock.simulate(OWN, twin=True, drive__no_such=1)
 
 
+def stated(model: Model) -> dict[str, Any]:
+    return {key: getattr(model, key) for key in model.model_fields_set}
+
+
+@pytest.mark.parametrize("kind", ["Motor", "Inverter", "Scenario"])
+def test_made_in_code(kind: str) -> None:
+    """A model that code makes is that of the file; missing, unknown and wrong keys are refused, each by name.
+
+    Verifies: PACKAGE-7
+    """
+    scenario = fluxlock.load_scenario(OWN)
+    made = {"Motor": scenario.motor, "Inverter": scenario.inverter, "Scenario": scenario}[kind]
+    model, keys = type(made), stated(made)
+    assert model.__name__ == kind and stated(model(**keys)) == keys
+    required = [key for key, field in model.model_fields.items() if field.is_required() and key != "name"]
+    with pytest.raises(fluxlock.ConfigError) as caught:
+        model(name="x")
+    assert str(caught.value) == "\n".join(f"{kind}: {key}: required key is missing" for key in required)
+    with pytest.raises(fluxlock.ConfigError) as caught:
+        model(**keys | {"descripton": "x", "name": ""})
+    assert sorted(str(caught.value).splitlines()) == [
+        f'{kind}: descripton: unknown key, did you mean "description"?',
+        f"{kind}: name: must not be empty",
+    ]
+    with pytest.raises(fluxlock.ConfigError, match=rf"^{kind}: name: cannot be assigned: .*scenario_of"):
+        made.name = "y"  # type: ignore[misc]  # what a user may try
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"motor": "motors/pump-4pp.toml"}, r"^Scenario: motor: must be a Motor, not 'motors/pump-4pp\.toml'$"),
+        ({"inverter": None}, r"^Scenario: inverter: must be an Inverter, not None$"),
+        ({"window": [{"name": "a", "from_s": 0.1}]}, r"^Scenario: window\[0\]\.to_s: required key is missing$"),
+        (
+            {"drive": {"carrier_hz": 1}},
+            r"^Scenario: drive\.carrier_hz: must be a number, not 1|.* 1 Hz is out of range",
+        ),
+    ],
+)
+def test_parts_made_in_code(keys: dict[str, Any], message: str) -> None:
+    """A key of a table below has its place; a file's path is no motor.
+
+    Verifies: PACKAGE-7
+    """
+    with pytest.raises(fluxlock.ConfigError, match=message):
+        fluxlock.Scenario(**stated(fluxlock.load_scenario(OWN)) | keys)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"duration_s": 0.05}, r"window\[0\]\.to_s: 1\.15 s is after the end of the run"),
+        ({"duration_s": "x"}, r"duration_s: must be a number, not 'x'$"),
+        ({"durations_s": 0.5}, r'durations_s: unknown key, did you mean "duration_s"\?$'),
+        ({"motor": 3}, r"^motor: must be a Motor or the path of its file, not 3$"),
+        ({"motor": {"pole_pairs": 0, "polepairs": 1}}, r"pole_pairs: 0 is out of range.*\n.*polepairs: unknown key"),
+    ],
+)
+def test_copied_in_code(changes: dict[str, Any], message: str) -> None:
+    """A scenario that code has copied unchecked is checked before it runs.
+
+    Verifies: PACKAGE-7
+    """
+    scenario = fluxlock.load_scenario(OWN)
+    if isinstance(motor := changes.get("motor"), dict):
+        changes = {"motor": scenario.motor.model_copy(update=motor)}
+    copied = scenario.model_copy(update=changes)
+    for call in (fluxlock.scenario_of, fluxlock.simulate, lambda given: fluxlock.sweep(given, {"seed": [1]})):
+        with pytest.raises(fluxlock.ConfigError, match=message):
+            call(copied)
+
+
+def test_overload_that_is_allowed() -> None:
+    """What the loader was told to accept, it accepts of the changed scenario too.
+
+    Verifies: PACKAGE-7
+    """
+    loaded = fluxlock.load_scenario(ROOT / "scenarios" / "demo.toml", ["drive.current_limit_a=11"], allow_overload=True)
+    assert fluxlock.scenario_of(loaded) is loaded
+    assert fluxlock.scenario_of(loaded, {"seed": 2}).accept == loaded.accept
+
+
 def test_whole_motor() -> None:
     """A motor that code made replaces that of the file, with keys of it changed in the same call.
 

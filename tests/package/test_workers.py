@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -23,7 +24,7 @@ from typer.testing import CliRunner
 
 import fluxlock
 from fluxlock import sweeps, workers
-from fluxlock.base.paths import ROOT
+from fluxlock.base.paths import BUILD, ROOT
 from fluxlock.cli import app
 from fluxlock.command_line import run_command_line
 from fluxlock.config import Problem
@@ -32,7 +33,10 @@ from fluxlock.sweeps import Axis, Grid
 from fluxverify.campaign import fuzz
 from fluxverify.cli import app as verify
 from fluxverify.figures import command as figures
+from fluxverify.mutation import run as mutation
+from fluxverify.mutation.netlist import make_netlist
 from fluxverify.regression import run as regression
+from tests.mutation.test_mutation import SMALL
 from tests.package.dask_workers import BEGIN_S, dask_workers
 
 OWN = ROOT / "scenarios" / "own-spindle.toml"
@@ -258,9 +262,21 @@ def of_fuzz(folder: Path) -> object:
     return fuzz.fuzz("six-step", 1, 2, 1e-3, 2)
 
 
-@pytest.mark.parametrize("run", [of_regression, of_figures, of_fuzz])
+def of_mutation(folder: Path) -> object:
+    """Which test kills each mutant of a small block, under a name that no other test measures."""
+    source = BUILD / "mutate" / "fl_shared.sv"  # in the checkout, as every source
+    source.parent.mkdir(exist_ok=True)
+    source.write_text(Path(SMALL.sources[0]).read_text(encoding="utf-8").replace("fl_small", "fl_shared"))
+    block = replace(SMALL, name="fl_shared", sources=(str(source),))
+    netlist = make_netlist(block, 8, 1)
+    (mutation.folder(block) / mutation.OUTCOMES).unlink(missing_ok=True)  # of the other place
+    found = mutation.run_mutants(block, netlist, [m.number for m in netlist.mutants], 1, 2, lambda _: None)
+    return sorted((number, outcome["killed_by"]) for number, outcome in found.items())
+
+
+@pytest.mark.parametrize("run", [of_regression, of_figures, of_fuzz, of_mutation])
 def test_long_runs_on_workers(run: Callable[[Path], object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Regression, figures and fuzz give the same on workers as in the pool, bit for bit.
+    """Regression, figures, fuzz and mutation give the same on workers as in the pool, bit for bit.
 
     Verifies: PACKAGE-9
     """

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from inspect import cleandoc
-from typing import Annotated, Any, Literal, Unpack
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Unpack
 
 from pydantic import (
     BaseModel,
@@ -18,21 +18,47 @@ from pydantic import (
     ConfigDict,
     Field,
     JsonValue,
+    ValidationError,
     ValidationInfo,
     WithJsonSchema,
     field_validator,
 )
 from pydantic_core import PydanticCustomError
 
+from fluxlock.config.errors import ConfigError, Problem
+from fluxlock.config.wording import refusal
 from fluxlock.interface.settings import Setting, load_settings
 
 PHASE_NAMES = ("A", "B", "C")
 
 
 class Model(BaseModel):
-    """Base of all models: immutable, strict, no unknown keys, ranges of `quantity` fields checked."""
+    """Base of all models: immutable, strict, no unknown keys, ranges of `quantity` fields checked.
+
+    Code that makes one of bad values, or assigns to a key, gets a ConfigError. `model_validate` raises pydantic's
+    error, from which the loader tells the file.
+    """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+    OF_A_FILE: ClassVar[bool] = False  # a file of its own, which a scenario names
+
+    if not TYPE_CHECKING:  # checkers know a model's keys, and that they are frozen
+
+        def __init__(self, **keys: object) -> None:
+            try:
+                super().__init__(**keys)
+            except ValidationError as error:
+                raise refusal(type(self), error) from None
+
+        # pydantic takes this for its own: a model within another one is made without it, and told with the outer one.
+        __init__.__pydantic_base_init__ = True
+
+        def __setattr__(self, key: str, value: object) -> None:
+            try:
+                super().__setattr__(key, value)
+            except ValidationError:
+                text = "cannot be assigned: `fluxlock.scenario_of(scenario, {key: value})` makes a changed one"
+                raise ConfigError([Problem(type(self).__name__, key, text)]) from None
 
     def __init_subclass__(cls, settings: str | None = None, **options: Unpack[ConfigDict]) -> None:
         """Add the keys that the drive's table of settings has. settings: their table below [drive], "": [drive]."""

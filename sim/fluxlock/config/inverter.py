@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, Self
+from typing import ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -152,6 +152,8 @@ class Inverter(Model):
     >>> load_inverter("inverters/drive-48v.toml").protection.phase_current_a  # A
     22.0
     """
+
+    OF_A_FILE: ClassVar[bool] = True
 
     name: str = Field(min_length=1, description="Name for tables and plots.")
     description: str = Field(default="", description="Free text.")

@@ -5,45 +5,25 @@
 
 from __future__ import annotations
 
-import datetime
 import os
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, get_args, get_origin
+from typing import Any
 
 from pydantic import ValidationError
-from pydantic_core import ErrorDetails
 
 from fluxlock.base.paths import shipped
 from fluxlock.config.checks import check_scenario
-from fluxlock.config.errors import SET_OPTION, ConfigError, Problem, closest, did_you_mean
+from fluxlock.config.errors import SET_OPTION, ConfigError, Problem, closest
 from fluxlock.config.fields import Model
 from fluxlock.config.inverter import Inverter
 from fluxlock.config.motor import Motor
 from fluxlock.config.scenario import Accept, Scenario, Sources
+from fluxlock.config.wording import describe, dotted, is_array_of_tables, quoted
 
-_TYPE_WORDS = {
-    "float_type": "a number",
-    "int_type": "a whole number",
-    "int_from_float": "a whole number",
-    "string_type": "a string",
-    "bool_type": "true or false",
-    "list_type": "an array",
-    "tuple_type": "an array",
-    "model_type": "a table",
-    "model_attributes_type": "a table",
-    "dict_type": "a table",
-}
-_MESSAGES = {
-    "string_too_short": "must not be empty",
-    "too_short": "must not be empty",
-    "too_long": "has too many entries, permitted {max_length}",
-    # The names of windows are the only strings with a pattern.
-    "string_pattern_mismatch": "may hold only letters, digits, _ and -, not {shown}",
-}
 _KINDS: dict[type[Model], str] = {Motor: "a motor file", Inverter: "an inverter file", Scenario: "a scenario"}
 
 
@@ -75,14 +55,6 @@ class Override:
         if len(table) > 1:
             raise ConfigError([Problem(SET_OPTION, key.strip(), "holds several lines; give each key its own --set")])
         return Override(parts, table["value"])
-
-
-def _dotted(parts: Iterable[str | int]) -> str:
-    """Key as messages write it: `event[2].at_s`."""
-    text = ""
-    for part in parts:
-        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
-    return text
 
 
 def _is_kind(path: Path, model: type[Model]) -> bool:
@@ -150,7 +122,7 @@ def _apply(table: dict[str, Any], override: Override) -> str:
                 index = names.index(part)
             if not 0 <= index < len(here):
                 text = f'has no entry "{part}", {_entries(len(here), [n for n in names if isinstance(n, str)])}'
-                raise ConfigError([Problem(SET_OPTION, _dotted(path), text)])
+                raise ConfigError([Problem(SET_OPTION, dotted(path), text)])
             path.append(index)
             if last:
                 here[index] = override.value
@@ -163,87 +135,13 @@ def _apply(table: dict[str, Any], override: Override) -> str:
             else:
                 here = here.setdefault(part, {})
         else:
-            raise ConfigError([Problem(SET_OPTION, _dotted([*path, part]), f"{_dotted(path)} is not a table")])
-    return _dotted(path)
+            raise ConfigError([Problem(SET_OPTION, dotted([*path, part]), f"{dotted(path)} is not a table")])
+    return dotted(path)
 
 
 def _entries(count: int, names: Sequence[str]) -> str:
     """What an entry of an array may be called."""
     return f"permitted: {', '.join([f'0 to {count - 1}', *names])}" if count else "the array is empty"
-
-
-def model_in(annotation: object) -> type[Model] | None:
-    """The model that an annotation holds, directly or in an optional or a list."""
-    if isinstance(annotation, type) and issubclass(annotation, Model):
-        return annotation
-    return next((m for a in get_args(annotation) if (m := model_in(a)) is not None), None)
-
-
-def keys_of(model: type[Model], prefix: str = "") -> Iterator[str]:
-    """All dotted keys of a model; the files that a scenario names are one key each."""
-    for name, info in model.model_fields.items():
-        yield prefix + name
-        inner = model_in(info.annotation)
-        if inner is not None and inner not in (Motor, Inverter):
-            yield from keys_of(inner, f"{prefix}{name}.")
-
-
-def _unknown_key(model: type[Model], loc: Sequence[str | int]) -> str:
-    owner: type[Model] = model
-    for part in loc[:-1]:
-        if isinstance(part, str) and part in owner.model_fields:
-            owner = model_in(owner.model_fields[part].annotation) or owner
-    key = str(loc[-1])
-    hint = did_you_mean(key, owner.model_fields)
-    if not hint:
-        elsewhere = [k for k in keys_of(model) if k.rpartition(".")[2] == key]
-        hint = f', did you mean "{elsewhere[0]}"?' if elsewhere else f", permitted: {', '.join(owner.model_fields)}"
-    return f"unknown key{hint}"
-
-
-def _shown(value: object) -> str:
-    """Value for a message as TOML would state it, cut to a readable length."""
-    if isinstance(value, (datetime.date, datetime.time)):
-        text = value.isoformat()
-    else:
-        text = str(value).lower() if isinstance(value, bool) else repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
-
-
-def _is_array_of_tables(model: type[Model], path: Sequence[str | int]) -> bool:
-    """Whether a path is one of the model's own arrays of tables."""
-    info = model.model_fields.get(str(path[0]))
-    if len(path) > 1 or info is None:
-        return False
-    return get_origin(info.annotation) is list and model_in(info.annotation) is not None
-
-
-def _describe(model: type[Model], error: ErrorDetails) -> tuple[str, str]:
-    """Key and message of one pydantic error in our words."""
-    loc, kind = list(error["loc"]), error["type"]
-    context: dict[str, Any] = error.get("ctx", {})
-    message = error["msg"]
-    if kind == "conflict":
-        loc += [part for part in str(context["key"]).split(".") if part]
-    elif kind == "range":
-        loc += [context["index"]] if context["index"] >= 0 else []
-    elif kind == "extra_forbidden":
-        message = _unknown_key(model, loc)
-    elif kind == "missing":
-        message = "required key is missing"
-    elif kind == "literal_error":
-        permitted = re.findall(r"'([^']*)'", str(context["expected"]))
-        hint = did_you_mean(str(error["input"]), permitted)
-        message = f"{_shown(error['input'])} is not permitted, permitted: {', '.join(permitted)}{hint}"
-    elif kind == "list_type" and isinstance(error["input"], dict) and _is_array_of_tables(model, loc):
-        message = f"must be an array of tables, [[{loc[-1]}]] in a file, not {_shown(error['input'])}"
-    elif kind in _TYPE_WORDS:
-        message = f"must be {_TYPE_WORDS[kind]}, not {_shown(error['input'])}"
-    elif kind in _MESSAGES:
-        message = _MESSAGES[kind].format(shown=_shown(error["input"]), **context)
-    else:
-        message = f"{message[:1].lower()}{message[1:]} ({_shown(error['input'])})"
-    return _dotted(loc), message
 
 
 class _Source:
@@ -259,7 +157,7 @@ class _Source:
     def override(self, overrides: Iterable[Override]) -> None:
         for override in overrides:
             first, *rest = override.key
-            if rest and first not in self.table and _is_array_of_tables(self.model, [first]):
+            if rest and first not in self.table and is_array_of_tables(self.model, [first]):
                 give = f"give whole entries with {SET_OPTION} '{first}=[{{...}}]'"
                 text = f'has no entry "{rest[0]}", the scenario has no [[{first}]]; {give}'
                 raise ConfigError([Problem(SET_OPTION, self.prefix + first, text)])
@@ -274,7 +172,7 @@ class _Source:
         return Problem(self.shown, key, message)
 
     def problems(self, error: ValidationError) -> list[Problem]:
-        found = [self.problem(*_describe(self.model, e)) for e in error.errors(include_url=False)]
+        found = [self.problem(*describe(self.model, e)) for e in error.errors(include_url=False)]
         return list(dict.fromkeys(found))
 
 
@@ -288,7 +186,7 @@ def _load_plain(source: _Source) -> Model:
 def _path(given: object, model: type[Model]) -> Path:
     """Where a file is that a caller has named."""
     if not isinstance(given, (str, os.PathLike)):
-        raise ConfigError([Problem("", "", f"must be the path of {_KINDS[model]}, not {_shown(given)}")])
+        raise ConfigError([Problem("", "", f"must be the path of {_KINDS[model]}, not {quoted(given)}")])
     return shipped(Path(given))
 
 
@@ -336,7 +234,7 @@ def _load_part(
         problems.append(Problem(scenario.shown, name, f"required key is missing: path of the {name} file"))
         return None, name
     if not isinstance(reference, str):
-        text = f"must be the path of a {name} file, not {_shown(reference)}"
+        text = f"must be the path of a {name} file, not {quoted(reference)}"
         problems.append(Problem(referrer.file, name, text))
         return None, name
     # A path on the command line starts where the command runs, one in the file where the file is.
@@ -390,11 +288,17 @@ def _whole(name: str, model: type[Model], value: object, file: str) -> tuple[Mod
     if isinstance(value, model):
         return value, file
     if not isinstance(value, str):
-        text = f"must be a {model.__name__} or the path of its file, not {_shown(value)}"
+        text = f"must be a {model.__name__} or the path of its file, not {quoted(value)}"
         raise ConfigError([Problem(SET_OPTION, name, text)])
     path = Path(os.path.normpath(shipped(Path(value))))
     table = _read_toml(path, str(path), model, Problem(SET_OPTION, name, ""))
     return _load_plain(_Source(model, str(path), table, "")), str(path)
+
+
+def _table(model: Model) -> dict[str, Any]:
+    """What a file of a model would state; of a copy that code has changed, unknown keys too."""
+    unknown = model.model_fields_set - type(model).model_fields.keys()
+    return model.model_dump(exclude_unset=True, warnings=False) | {key: getattr(model, key) for key in unknown}
 
 
 def changed(scenario: Scenario, overrides: Iterable[Override]) -> Scenario:
@@ -404,19 +308,18 @@ def changed(scenario: Scenario, overrides: Iterable[Override]) -> Scenario:
     """
     parsed, problems = list(overrides), list[Problem]()
     files = scenario.sources
-    source = _Source(Scenario, files.scenario, scenario.model_dump(exclude_unset=True), "")
+    source = _Source(Scenario, files.scenario, _table(scenario), "")
     places = {"motor": files.motor, "inverter": files.inverter}
     for name, model in (("motor", Motor), ("inverter", Inverter)):
-        base, whole = getattr(scenario, name), [o.value for o in parsed if o.key == (name,)]
+        whole = [getattr(scenario, name), *(o.value for o in parsed if o.key == (name,))][-1]
         try:
-            if whole:
-                base, places[name] = _whole(name, model, whole[-1], places[name])
-            part = _Source(model, places[name], base.model_dump(exclude_unset=True), f"{name}.")
+            base, places[name] = _whole(name, model, whole, places[name])
+            part = _Source(model, places[name], _table(base), f"{name}.")
             part.override(Override(o.key[1:], o.value) for o in parsed if o.key[0] == name and len(o.key) > 1)
             source.table[name] = _load_plain(part)
         except ConfigError as error:
             problems += error.problems
-            source.table[name] = getattr(scenario, name)
+            del source.table[name]  # its absence is not reported a second time
     files = replace(files, **places, overrides=(*files.overrides, *(o.key for o in parsed)))
     return _checked(source, parsed, files, problems)
 
@@ -442,6 +345,7 @@ def _checked(
         raise ConfigError(problems) from None
     if allow_overload:
         scenario.accept.append(Accept(what="current", why=ALLOW_OVERLOAD))
+        scenario.model_fields_set.add("accept")  # as the file would state it
     scenario._sources = files
     for p in check_scenario(scenario):
         problems.append(source.problem(p.key, p.message) if p.file == files.scenario else scenario.sources.charged(p))

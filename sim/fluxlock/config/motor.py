@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from typing import Literal, Self
+from typing import ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -222,6 +222,8 @@ class Motor(Model):
     >>> load_motor("motors/spindle-2pp.toml").resistance_ohm  # Ohm, phases A, B, C
     (0.15, 0.15, 0.15)
     """
+
+    OF_A_FILE: ClassVar[bool] = True
 
     name: str = Field(min_length=1, description="Name for tables and plots.")
     description: str = Field(default="", description="Free text.")

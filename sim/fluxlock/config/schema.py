@@ -9,16 +9,17 @@ import sys
 from collections.abc import Sequence
 from typing import Literal, get_args, get_origin
 
+from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from fluxlock import generated
 from fluxlock.base.paths import ROOT
-from fluxlock.config.fields import Model, plain, range_text, words_of
+from fluxlock.config.fields import plain, range_text, words_of
 from fluxlock.config.inverter import Inverter
-from fluxlock.config.loader import model_in
 from fluxlock.config.motor import Motor
 from fluxlock.config.scenario import METRICS, Scenario
+from fluxlock.config.wording import model_in
 
 PAGE = ROOT / "docs" / "reference" / "files.md"
 
@@ -103,7 +104,7 @@ def _row(key: str, info: FieldInfo) -> str:
 HEADER = "| key | type | unit | permitted | default | meaning |\n|---|---|---|---|---|---|\n"
 
 
-def _tables(model: type[Model], heading: str, path: str) -> list[str]:
+def _tables(model: type[BaseModel], heading: str, path: str) -> list[str]:
     """Section of a model, then one for each table below it."""
     rows, below = [], []
     for name, info in model.model_fields.items():
