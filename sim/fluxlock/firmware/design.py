@@ -22,8 +22,8 @@ from fluxlock.config.settling import Settling, crossing_settling
 from fluxlock.config.vector_design import told_machine
 from fluxlock.config.vector_timing import VectorTiming, vector_timing
 
-Q5, Q8, Q16, Q17, Q20, Q21, Q22, Q24, Q25, Q29, Q30 = (2**bits for bits in (5, 8, 16, 17, 20, 21, 22, 24, 25, 29, 30))
-Q32, Q36, Q44, Q60 = 2**32, 2**36, 2**44, 2**60
+Q5, Q8, Q16, Q17, Q18, Q20, Q21, Q22, Q24, Q25 = (2**bits for bits in (5, 8, 16, 17, 18, 20, 21, 22, 24, 25))
+Q29, Q30, Q32, Q36, Q44, Q60 = 2**29, 2**30, 2**32, 2**36, 2**44, 2**60
 RPM_Q8 = RPM_PER_RAD_S * Q8  # speed of 1 rad/s
 
 # Share of the start current's torque that the open-loop ramp asks for: the rest is the margin against load.

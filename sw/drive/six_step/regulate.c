@@ -35,9 +35,10 @@
 #define RAMP_STEP_MIN_Q20 4096
 // Most that the speed of now may differ from the measured one where a place in the sector follows from it.
 #define MOVED_MAX_Q12 1024
-// Share of the speed that the ramp goes in a sector: a crossing follows the one before.
-#define SECTOR_UP_Q8 32
-#define SECTOR_DOWN_Q8 64
+// Share of the speed, by a shift, that the ramp goes up in a sector, and how often as far it goes down: a crossing follows the
+// one before.
+#define SECTOR_UP_SHIFT 3
+#define SECTOR_DOWN 2
 // Most that the EMF may differ from the file's, and share of it that R I may be where that is looked at.
 #define FLUX_MAX_Q12 512
 #define FLUX_LOOK 8
@@ -229,7 +230,7 @@ static void schedule_speed(regulate_t *r, const six_step_view_t *view, const pwm
   // Noise of the speed at the lower bound must not become a torque.
   g->noise_i_q25 = gain_apply(view->m->speed_rpm_q8 / SPEED_NOISE, g->speed.kp);
   g->acceleration_i_q25 = gain_apply(view->settings->accel_rpm_q8, inertia);
-  g->sector_rpm_q12 = sat_i32(((int64_t)view->m->speed_rpm_q8 * view->m->place_step_q16) >> 12);
+  g->sector_rpm_q20 = sat_i32(((int64_t)view->m->speed_rpm_q8 * view->m->place_step_q16) >> (4 + SECTOR_UP_SHIFT));
 }
 
 // By how much the flux of the file is wrong, from what the current regulator has added while the speed rests and little of it was
@@ -599,15 +600,15 @@ HOT static int32_t follow_target(regulate_t *r, const six_step_view_t *view, int
   const int32_t room_i_q25 = up ? g->limit_i_q25 - load_i_q25 : down_i_q25;
   // By the slope of now: what it needs in current follows some ticks after a change of the setting.
   const int32_t most_i_q25 = clamp_i32(room_i_q25, g->limit_i_q25 / ROOM_MIN, g->limit_i_q25);
-  // Steps of more than 512 r/min are beyond what a product holds with 20 bits of fraction.
-  const int32_t most_rpm_q20 = sat_i32((int64_t)gain_apply(most_i_q25, p->current_accel) * 16);
+  // A product holds 512 r/min with 20 bits of fraction, a step may have 2048.
+  const int32_t most_rpm_q20 = sat_i32((int64_t)gain_apply(most_i_q25, p->current_accel) * 4);
   int32_t step_rpm_q20 = view->settings->accel_rpm_q20;
   int32_t current_i_q25 = g->acceleration_i_q25;
   if (most_rpm_q20 < step_rpm_q20) {
     step_rpm_q20 = most_rpm_q20;
     current_i_q25 = most_i_q25;
   }
-  const int32_t sector_rpm_q20 = sat_i32((int64_t)g->sector_rpm_q12 * (up ? SECTOR_UP_Q8 : SECTOR_DOWN_Q8));
+  const int32_t sector_rpm_q20 = up ? g->sector_rpm_q20 : sat_i32((int64_t)g->sector_rpm_q20 * SECTOR_DOWN);
   const int32_t crossed_rpm_q20 = greater(sector_rpm_q20, RAMP_STEP_MIN_Q20);
   if (crossed_rpm_q20 < step_rpm_q20) {
     current_i_q25 = part_i_q25(current_i_q25, crossed_rpm_q20, step_rpm_q20);

@@ -54,7 +54,7 @@ typedef struct {
   int32_t limit_i_q25;      // the lower one of current limit and DC limit
   int32_t resistive_v_q25;  // R * current limit
   int32_t acceleration_i_q25;
-  int32_t sector_rpm_q12;  // step of a ramp that would go all of the speed in a sector
+  int32_t sector_rpm_q20;  // most that the ramp goes up in a tick, for a sector of now
   int32_t noise_i_q25;  // how far below its bound the reference may swing unseen
   boundary_t boundary;  // of the carrier that the settings ask for
   int32_t dead_steep;   // of what dead times take, over the current

@@ -16,7 +16,8 @@ from fluxverify.regression.runner import Runner
 SCENARIO = "six-step/highest-speed.toml"
 # A sixth of the way from a crossing to its commutation; at 10 kHz a sample comes every 3.6 degrees.
 WRONG_DEG = 5.0
-# Half as fast again: one carrier a sector, and the supply raised on the way, which the EMF calls for.
+# Half as fast again: one carrier a sector, and the supply raised on the way, which the EMF calls for. For 50 ms after
+# the ramp, while the speed regulator learns what the fan takes more, the speed is up to 0.35 % low.
 FURTHEST = (
     "motor.max_speed_rpm=960000",
     "inverter.sensing.voltage_full_scale_v=50",
@@ -25,9 +26,9 @@ FURTHEST = (
     "load.fan_speed_rpm=600000",
     'event=[{at_s=0.003, speed_rpm=600000}, {at_s=0.004, command="start"}, '
     "{at_s=0.1, supply_v=36, ramp_s=0.02}, {at_s=0.12, speed_rpm=950000}]",
-    "window.held.from_s=0.19",
-    "window.held.to_s=0.22",
-    "duration_s=0.22",
+    "window.held.from_s=0.22",
+    "window.held.to_s=0.25",
+    "duration_s=0.25",
 )
 
 
