@@ -43,6 +43,20 @@ def test_budget_is_what_the_chip_has(preset: str, factor: float, speed_rpm: int)
     assert 1 / factor <= found.total_deg / recorded_deg(f"{preset}-{speed_rpm}") <= factor
 
 
+@pytest.mark.parametrize("preset", ["clean", "T", "G"])
+def test_lobe_of_the_last_pulse(preset: str) -> None:
+    """With 40 kHz a gap is short, and the lobe at its begin is in the samples behind it: within 2 of the chip's error.
+
+    Verifies: FRONT-94
+    """
+    s = load_scenario(ROOT / "scenarios" / "own-outrunner.toml", (f"inverter.sensing.edge.preset={preset}",))
+    found = budget(s.motor, s.inverter, s.drive, 8000, EXACT)
+    assert 0.5 <= found.total_deg / recorded_deg(f"own-outrunner-{preset}-8000") <= 2
+    assert (found.edges_deg > 0.1) == (preset == "G")
+    longer = s.drive.model_copy(update={"carrier_hz": 20e3})
+    assert budget(s.motor, s.inverter, longer, 8000, EXACT).edges_deg < 0.5 * found.edges_deg + 1e-3
+
+
 def test_slope_of_a_ramp() -> None:
     """A trapezoid rises to its peak over half of what its flat top leaves; a sine has 3/2 of its peak per radian."""
     sine = load_motor(MOTOR)

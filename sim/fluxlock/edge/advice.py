@@ -14,6 +14,8 @@ angle (rad) for a trapezoidal one (docs/theory/six-step.md).
 - edges: the mean of what the first n samples of a pulse still hold of the last edge, rms over where the edge lies
   between two samples. A term h exp(lambda t) is behind the pole h (exp(lambda t) - exp(-t/tau)) / (1 + lambda tau); the
   open terminal's own jump leaves -J exp(-t/tau). Crossings in a gap take a share x in 0..1 of it, rms sqrt(1/3).
+- lobe: what the end of the last pulse, (1 - D) T earlier, still leaves in these samples, h t / t_l exp(1 - t / t_l),
+  late by the pole. Every crossing has it, and the commutation as much: with short gaps more than the edges.
 - lag: the chip takes the pole's lag off. What resistors and capacitor are off by stays: omega tau tolerance.
 - dividers: a gain that is off moves the threshold by half of the supply's share. It stays the same from turn to turn.
   `drive.zcd.balance` learns it.
@@ -106,6 +108,14 @@ def left_v(edge: EdgeParams | None, pole_s: float, jump_v: float, t_s: FloatArra
     return total
 
 
+def lobe_v(edge: EdgeParams | None, pole_s: float, jump_v: float, t_s: FloatArray) -> FloatArray:
+    """What the open terminal's channel holds of the lobe (V), t_s after a switch has turned off; t_s above the pole."""
+    if edge is None or not edge.lobe_v:
+        return np.zeros_like(t_s)
+    peaks = (t_s - pole_s) / edge.lobe_s
+    return abs(edge.coupling) * edge.lobe_v * jump_v / edge.reference_v * peaks * np.exp(1.0 - peaks)
+
+
 def budget(motor: Motor, inverter: Inverter, drive: Drive, speed_rpm: float, parts: Parts) -> Budget:
     """Errors at a speed above 0."""
     sensing, settling = inverter.sensing, crossing_settling(drive, inverter)
@@ -123,6 +133,8 @@ def budget(motor: Motor, inverter: Inverter, drive: Drive, speed_rpm: float, par
     number = np.arange(min(samples, max(1, a_pulse))) + (np.arange(PLACES)[:, None] + 0.5) / PLACES
     late_s = settling.settle_s + sensing.sample_period_s * number - (0.0 if edge is None else edge.slew_s)
     rest_v = float(np.sqrt(np.mean(np.mean(left_v(edge, pole_s, inverter.supply_v, late_s), axis=1) ** 2)))
+    gap_s = (1 - duty) * period_s
+    lobe = float(np.mean(lobe_v(edge, pole_s, inverter.supply_v, gap_s + late_s)))
     lag = pole_s * math.hypot(math.sqrt(0.5) * parts.resistor, parts.capacitor)
     # Of a divider with a small ratio: its gain is off by both resistors, and so is the link's.
     gain = 2.0 * parts.resistor * SUPPLY_SHARE * inverter.supply_v
@@ -130,7 +142,7 @@ def budget(motor: Motor, inverter: Inverter, drive: Drive, speed_rpm: float, par
         speed_rpm,
         samples,
         one_deg * noise_v * place,
-        one_deg * rest_v * math.sqrt((1 - duty) / 3),
+        math.hypot(one_deg * rest_v * math.sqrt((1 - duty) / 3), math.degrees(lobe / slope)),
         math.degrees(omega * lag),
         one_deg * gain,
     )
