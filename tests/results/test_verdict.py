@@ -16,7 +16,7 @@ import pytest
 from fluxlock.base.paths import ROOT
 from fluxlock.config import ConfigError, Scenario, load_scenario
 from fluxlock.config.fields import with_unit
-from fluxlock.results.metrics import Analysis, run_metrics
+from fluxlock.results.metrics import Analysis, largest_current, run_metrics
 from fluxlock.results.rundata import LogKind, Rejection, RunData, load_trace, save_trace
 from fluxlock.results.verdict import Verdict, expectation_failures, judge_run, say
 from tests.results.synthetic import Drive, make_run, make_vector_run
@@ -545,3 +545,16 @@ def test_current_above_its_limit_is_told() -> None:
         allow_overload=True,
     )
     assert not [line for line in verdict(data, told).notes if line.startswith("current: ")]
+
+
+@pytest.mark.parametrize("rows", [2, 3, 7])
+def test_current_of_a_run_shorter_than_its_mean(rows: int) -> None:
+    """Less than a millisecond has one mean, from its begin on."""
+    data = run()
+    data.records = data.records[:rows]
+    data.records["ia"] = np.arange(rows)
+    data.records["ib"], data.records["ic"] = -data.records["ia"], 0.0
+    for vector in (False, True):
+        most_a, at_s = largest_current(data, vector)
+        assert at_s == data.records["t_cycle"][0] / data.clock_hz and 0.0 < most_a <= 2.0 * rows
+    assert largest_current(data, False)[0] == pytest.approx((rows - 1) / 2)

@@ -134,7 +134,7 @@ def budget(motor: Motor, inverter: Inverter, drive: Drive, speed_rpm: float, par
     late_s = settling.settle_s + sensing.sample_period_s * number - (0.0 if edge is None else edge.slew_s)
     rest_v = float(np.sqrt(np.mean(np.mean(left_v(edge, pole_s, inverter.supply_v, late_s), axis=1) ** 2)))
     gap_s = (1 - duty) * period_s
-    lobe = float(np.mean(lobe_v(edge, pole_s, inverter.supply_v, gap_s + late_s)))
+    lobe = float(np.mean(lobe_v(edge, pole_s, inverter.supply_v, gap_s + late_s))) if gap_s else 0.0
     lag = pole_s * math.hypot(math.sqrt(0.5) * parts.resistor, parts.capacitor)
     # Of a divider with a small ratio: its gain is off by both resistors, and so is the link's.
     gain = 2.0 * parts.resistor * SUPPLY_SHARE * inverter.supply_v

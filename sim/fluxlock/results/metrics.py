@@ -84,12 +84,15 @@ class Series:
 
 
 def largest_current(data: RunData, vector: bool) -> tuple[float, float]:
-    """Largest mean over CURRENT_MEAN_S, A, and its begin, s. Of the conducting pair in six-step, else the amplitude."""
+    """Largest mean over CURRENT_MEAN_S, A, and its begin, s. Of the conducting pair in six-step, else the amplitude.
+
+    A shorter run has one mean, over all of it.
+    """
     records = data.records
     time_s = records["t_cycle"] / data.clock_hz
     pair = 0.5 * sum(np.abs(records[name]) for name in ("ia", "ib", "ic"))
     size: FloatArray = np.abs(dq_current(records)) if vector else np.asarray(pair, dtype=np.float64)
-    count = max(1, round(CURRENT_MEAN_S / float(np.median(np.diff(time_s)))))
+    count = min(max(1, round(CURRENT_MEAN_S / float(np.median(np.diff(time_s))))), size.size)
     mean = np.convolve(size, np.full(count, 1.0 / count), "valid")
     return float(mean.max(initial=0.0)), float(time_s[int(mean.argmax())])
 
