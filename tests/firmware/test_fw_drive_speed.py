@@ -46,22 +46,23 @@ def test_load_step_and_ramp_follow_the_settings() -> None:
     assert bench.model.rpm == pytest.approx(40_000, rel=0.005)
 
 
-def test_ramps_of_any_slope_are_kept() -> None:
-    """A rotor of a tenth of the inertia keeps to 4 000 000 r/min/s, 400 r/min in a control tick.
+@pytest.mark.parametrize(("accel_rpm_s", "lighter"), [(4e6, 10), (5.5e6, 20)])
+def test_ramps_of_any_slope_are_kept(accel_rpm_s: float, lighter: int) -> None:
+    """A rotor of little inertia keeps to 400 and 550 r/min in a control tick.
 
     A step stopped at 256 r/min, and above 512 r/min the ramp asked for all of the current limit.
 
     Verifies: FW-16
     """
-    light = machines.motor(inertia_kgm2=MOTOR_1.inertia_kgm2 / 10)
-    bench = Bench(motor=light, drive=machines.drive(accel_rpm_per_s=4e6, sync_rect=True))
+    light = machines.motor(inertia_kgm2=MOTOR_1.inertia_kgm2 / lighter)
+    bench = Bench(motor=light, drive=machines.drive(accel_rpm_per_s=accel_rpm_s, sync_rect=True))
     bench.start(30_000)
     bench.run(0.6)
     assert bench.model.rpm == pytest.approx(30_000, rel=0.005)
     bench.fw.command("set speed_rpm 60000")
-    bench.run(0.0055)
+    bench.run(0.004)
     reference_rpm = bench.fw.telemetry().reference_rpm_q8 / 256
-    assert reference_rpm == pytest.approx(30_000 + 4e6 * 0.0055, rel=0.02)
+    assert reference_rpm == pytest.approx(30_000 + accel_rpm_s * 0.004, rel=0.02)
     # The fan takes more with the speed, which the integral has to learn.
     bench.run(0.4)
     assert bench.model.rpm == pytest.approx(60_000, rel=0.005)
