@@ -18,8 +18,8 @@ SCENARIO, OTHER = "own-spindle.toml", "own-outrunner.toml"
 PRESETS = ("clean", "T", "G", "cable", "divider")
 # Speed, window (s) and largest rms error of the commutations. Caught at speed: the window begins when it is held.
 POINTS = ((6_000, 0.06, 0.09, 0.25), (13_000, 0.03, 0.05, 0.1))
-# Carriers of 40 kHz: where a gap is short, the lobe of the last pulse is in the samples of the next one. The limit is the
-# spindle's of 6 000 r/min, taken after a first value; 1.3 times the clean error, which is wanted, is not reached.
+# Carriers of 40 kHz: where a gap is short, the lobe of the last pulse is in the samples of the next one. The limit is
+# the spindle's of 6 000 r/min, taken after a first value; 1.3 times the clean error, which is wanted, is not reached.
 OTHER_PRESETS, OTHER_POINT = ("clean", "T", "G"), (8_000, 0.06, 0.09, 0.25)
 QUICK = ("T-13000",)
 
