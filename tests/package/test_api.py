@@ -363,6 +363,18 @@ def test_bad_arguments(arguments: dict[str, Any], message: str) -> None:
         fluxlock.simulate(OWN, twin=True, **arguments)
 
 
+def test_python_without_its_library(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A chip whose simulator could not load this Python is refused before it is built, with the package that helps.
+
+    Verifies: PACKAGE-5
+    """
+    stages: list[str] = []
+    monkeypatch.setattr("find_libpython.find_libpython", lambda: None)
+    with pytest.raises(fluxlock.ConfigError, match=r"lacks the shared library of .*: install libpython3\.\d+ "):
+        fluxlock.simulate("scenarios/spinning.toml", progress=lambda info: stages.append(info.stage))
+    assert not stages
+
+
 @pytest.mark.parametrize("given", [5, None, fluxlock.Motor, {"name": "x"}])
 def test_no_scenario(given: Any) -> None:
     """What is neither a model nor the path of its file is refused in a line that says what it must be.

@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import cocotb_tools.config
-import find_libpython
 
 from fluxlock.base.paths import BUILD, ROOT
 from fluxlock.base.stage import SIMULATING, Progress, ProgressInfo
@@ -26,6 +25,7 @@ from fluxlock.cosim.chip import Chip
 from fluxlock.cosim.plan import META_FILE, PLAN_ENV, PROGRESS_FILE, SessionPlan
 from fluxlock.cosim.waves import GTKWAVE_FILE, SURFER_FILE, WAVE_FILE, write_view
 from fluxlock.firmware import BusLibrary
+from fluxlock.generate.registers import python_library
 
 LOG_FILE = "simulator.log"  # in the plan's folder
 
@@ -44,14 +44,9 @@ def simulator_environment(
     plan_file: Path, results: Path, top: str, module: str = "fluxlock.cosim.planned"
 ) -> dict[str, str]:
     """Environment in which a Verilated executable finds this interpreter, cocotb, the plan and the test that leads."""
-    libpython = find_libpython.find_libpython()
-    if libpython is None:
-        raise SimulatorError(
-            "this Python has no shared library (libpython): install python3-dev, or a Python built with --enable-shared"
-        )
     env = dict(os.environ)
     env.update(
-        GPI_USERS=f"{libpython};{cocotb_tools.config.pygpi_entry_point()}",
+        GPI_USERS=f"{python_library()};{cocotb_tools.config.pygpi_entry_point()}",
         PYGPI_PYTHON_BIN=sys.executable,
         PYTHONPATH=os.pathsep.join([str(ROOT), *filter(None, sys.path)]),
         PATH=os.pathsep.join([env.get("PATH", ""), str(cocotb_tools.config.libs_dir)]),

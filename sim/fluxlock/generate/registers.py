@@ -17,6 +17,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+import find_libpython
+
 from fluxlock.base.paths import BUILD, GENERATED, REGISTER_BLOCKS, ROOT, RTL, content_hash, tool_environment
 from fluxlock.base.writable import check_folder, file_lock, guarded
 from fluxlock.config.errors import Problem, ToolsMissing
@@ -45,8 +47,19 @@ def check_build() -> None:
     done = subprocess.run(["sh", ROOT / "tools" / "needs.sh"], stderr=subprocess.PIPE, text=True, check=False)
     if done.returncode:
         raise ToolsMissing([Problem("", "", done.stderr.strip().removeprefix("error: "))])
+    python_library()
     for folder in (BUILD, GENERATED, BUILD / "chip", BUILD / "firmware", BUILD / "bindings", cache_folder()):
         check_folder(folder)
+
+
+def python_library() -> str:
+    """Path of this Python's shared library, by which the simulator runs the plant. Raises ToolsMissing without one."""
+    library = find_libpython.find_libpython()
+    if library is None:
+        package = f"libpython{sys.version_info.major}.{sys.version_info.minor}"
+        text = f"this machine lacks the shared library of {sys.executable}: install {package} (Debian, Ubuntu) or "
+        raise ToolsMissing([Problem("", "", f"{text}python3-libs (Fedora), or take a Python built with --enable-shared")])
+    return library
 
 
 def _peakrdl(*runs: Sequence[str]) -> None:
