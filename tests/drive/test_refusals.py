@@ -16,7 +16,7 @@ import pytest
 from fluxlock.base.paths import ROOT
 from fluxlock.config import ConfigError, load_scenario
 from fluxlock.drive import Bench, Drive, bench, run_tests
-from fluxlock.drive.bench import check_signals, find_scenario, own_folder
+from fluxlock.drive.bench import check_signals, check_tests, find_scenario, own_folder
 from fluxlock.drive.drive import FAULT_DETAILS
 from fluxlock.drive.registers import field_name
 from fluxlock.firmware.host import register_offsets
@@ -61,6 +61,29 @@ def test_wrong_scenarios() -> None:
         Bench(DEMO, "drive.carier_hz=20_000")
     with pytest.raises(ConfigError, match="belong to a file; give them to load_scenario"):
         Bench(load_scenario(DEMO), "drive.carrier_hz=20_000")
+
+
+def test_wrong_tests() -> None:
+    """A module's file that is not there, and a test that it does not have, which would pass as none.
+
+    Verifies: DRV-07
+    """
+    vector = ROOT / "cocotb_tests" / "drive" / "test_vector.py"
+    with pytest.raises(ConfigError, match=r"test_spindel\.py: no such file$"):
+        check_tests("test_spindel.py", [])
+    with pytest.raises(ConfigError, match=r"test_vector\.py: nosuch: no such test; its drive_tests: \w+, "):
+        check_tests(vector, ["nosuch"])
+    check_tests(vector, [])
+
+
+def test_signal_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One signal without a list around it is no list of its letters.
+
+    Verifies: DRV-07
+    """
+    monkeypatch.setattr(bench, "generate_registers", lambda: None)
+    with pytest.raises(ConfigError, match="signals: fl_trap.trip_o: there is no module fl_trap"):
+        Bench(DEMO, signals="fl_trap.trip_o")
 
 
 def test_scenarios_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

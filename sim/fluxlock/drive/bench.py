@@ -64,10 +64,11 @@ class Bench:
             self.scenario = scenario
         else:
             self.scenario = load_scenario(scenario, overrides)
+        signals = (signals,) if isinstance(signals, str) else tuple(signals)
         check_signals(signals)
         self.seed = self.scenario.seed if seed is None else seed
         generate_registers()
-        self.chip = chip_of(self.scenario, signals=tuple(signals))
+        self.chip = chip_of(self.scenario, signals=signals)
         self._held = ExitStack()
         if folder is None:
             key = content_hash([], self.chip.key, *overrides, self.seed)[:8]
@@ -109,6 +110,8 @@ class Bench:
         """
         __tracebackhide__ = True  # in pytest
         path = Path(module)
+        chosen = options.get("testcase") or ()
+        check_tests(module, chosen.split(",") if isinstance(chosen, str) else chosen)
         folder = [str(path.resolve().parent)] if path.suffix == ".py" else []
         before = list(sys.path)
         sys.path[:0] = folder
@@ -201,6 +204,18 @@ def filter_of(names: dict[str, Any]) -> str | None:
     """A filter for cocotb that takes the `drive_test`s of a module; None if it has none."""
     tests = [re.escape(made.name) for made in names.values() if getattr(made, DRIVE_TEST, None) is True]
     return rf"\.(?:{'|'.join(tests)})(?:/|$)" if tests else None
+
+
+def check_tests(module: str | Path, chosen: Sequence[str]) -> None:
+    """Raise ConfigError if the module's file is not there, or has no test that is chosen by its name."""
+    if Path(module).suffix == ".py" and not Path(module).is_file():
+        raise ConfigError([Problem(str(module), "", "no such file")])
+    names = _globals_of(module) if chosen else {}
+    there = [name for name, made in names.items() if getattr(made, DRIVE_TEST, False)]
+    for test in chosen:
+        if test.split("/")[0] not in names:  # what follows is of a test with parameters
+            fault = f"no such test; its drive_tests: {', '.join(there) or 'none'}"
+            raise ConfigError([Problem(str(module), test, fault)])
 
 
 def check_signals(signals: Sequence[str]) -> None:
