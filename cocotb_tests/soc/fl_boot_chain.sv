@@ -48,7 +48,13 @@ module fl_boot_chain
       .io_wdat_o     (io_wdat),
       .io_sel_o      (io_sel),
       .io_ack_i      (io_ack),
-      .io_rdat_i     (io_rdat)
+      .io_rdat_i     (io_rdat),
+      .debug_valid_i (1'b0),
+      .debug_ready_o (),
+      .debug_we_i    (1'b0),
+      .debug_adr_i   ('0),
+      .debug_wdat_i  ('0),
+      .debug_rdat_o  ()
   );
 
   fl_interconnect #(

@@ -94,6 +94,11 @@ class Chip:
             uart_rx_i=1,
             can_rx_i=1,
             spi_miso_i=1,
+            # A debugger that wants to halt the core: this core has no debug bus.
+            debug_valid_i=1,
+            debug_we_i=1,
+            debug_adr_i=0,
+            debug_wdat_i=1 << 17,
         )
         cocotb.start_soon(self._convert())
         cocotb.start_soon(self._listen())
@@ -135,6 +140,7 @@ async def program_sees_the_chip(dut: Any) -> None:
     await chip.start()
     await chip.until_done()
     found = [chip.mailbox(i) for i in range(24)]
+    assert (int(dut.debug_ready_o.value), int(dut.debug_rdat_o.value)) == (0, 0), "debug bus of a plain core"
     assert found[0] == 0x464C5558 and found[2] == 50_000_000, f"identity {found[0]:#x}, clock {found[2]}"
     build = map_version() | chip.phases << 16 | chip.channels << 24
     assert found[1] == build, f"build {found[1]:#x}"
@@ -360,7 +366,7 @@ def run(
 def test_fl_soc() -> None:
     """A program on the core finds the chip as documented; gates follow instants and faults.
 
-    Verifies: SOC-15, SOC-16, SOC-17, SOC-18, SOC-19, SOC-21, SOC-22, SOC-27
+    Verifies: SOC-15, SOC-16, SOC-17, SOC-18, SOC-19, SOC-21, SOC-22, SOC-27, SOC-32
     """
     run(3)
 

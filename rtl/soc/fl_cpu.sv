@@ -15,6 +15,7 @@
 // irq_deferred_i the external interrupt (cause 11, first bit of the core's interrupt mask CSR 0xBC0). Reset vector 0x80,
 // with Boot = 1 the first word of the ROM, whose contents BootInit holds: the loader is there after every reset, whatever
 // the firmware did.
+// The debug bus halts and resets the core alone: the chip goes on.
 `default_nettype none
 module fl_cpu #(
     parameter int unsigned Words = 32768,
@@ -35,7 +36,15 @@ module fl_cpu #(
     output logic [31:0] io_wdat_o,
     output logic [ 3:0] io_sel_o,
     input  logic        io_ack_i,
-    input  logic [31:0] io_rdat_i
+    input  logic [31:0] io_rdat_i,
+
+    // Debug bus: answers where generated/VexRiscv_Debug.v is the core. The plain core takes no command.
+    input  logic        debug_valid_i,  // held until debug_ready_o
+    output logic        debug_ready_o,
+    input  logic        debug_we_i,
+    input  logic [ 7:0] debug_adr_i,    // byte address
+    input  logic [31:0] debug_wdat_i,
+    output logic [31:0] debug_rdat_o    // for the address of the clock before
 );
 
   localparam int unsigned AddressWidth = $clog2(Words);
@@ -77,13 +86,25 @@ module fl_cpu #(
   logic [3:0] d_sel;
   logic [AddressWidth-1:0] d_ram_adr;
 
+  // The debugger's reset is the core's alone: chip and debug logic keep their state.
+  logic debug_rst, core_rst;
+  assign core_rst = rst_i || debug_rst;
+
   VexRiscv u_core (
       .clk                   (clk_i),
-      .reset                 (rst_i),
+      .reset                 (core_rst),
       .externalResetVector   (ResetVector),
       .timerInterrupt        (irq_control_i),
       .softwareInterrupt     (irq_current_i),
       .externalInterruptArray({31'b0, irq_deferred_i}),
+      .debug_bus_cmd_valid   (debug_valid_i),
+      .debug_bus_cmd_ready   (debug_ready_o),
+      .debug_bus_cmd_payload_wr(debug_we_i),
+      .debug_bus_cmd_payload_address(debug_adr_i),
+      .debug_bus_cmd_payload_data(debug_wdat_i),
+      .debug_bus_rsp_data    (debug_rdat_o),
+      .debug_resetOut        (debug_rst),
+      .debugReset            (rst_i),
       .instructionMemory_EN  (i_en),
       .instructionMemory_ADR (i_adr),
       .instructionMemory_DAT (i_rdat),
@@ -139,7 +160,7 @@ module fl_cpu #(
     d_ram_q      <= d_ram;
     d_bank_q     <= d_bank;
     d_boot_q     <= Boot && d_adr[28:0] >> BootWidth == BootPage[28:0];
-    if (rst_i) d_read_ack_q <= 1'b0;
+    if (core_rst) d_read_ack_q <= 1'b0;
   end
 
   always_comb begin

@@ -83,6 +83,13 @@ module fl_soc
     output logic spi_mosi_o,
     input  logic spi_miso_i,
 
+    input  logic        debug_valid_i,  // debug bus of the core, see fl_cpu; 0 where no debugger is
+    output logic        debug_ready_o,
+    input  logic        debug_we_i,
+    input  logic [ 7:0] debug_adr_i,
+    input  logic [31:0] debug_wdat_i,
+    output logic [31:0] debug_rdat_o,
+
     output logic    trc_valid_o,       // any pulse of the trace port
     output stamp_t  trc_now_o,
     output logic    trc_zc_valid_o,
@@ -176,7 +183,13 @@ module fl_soc
       .io_wdat_o     (io_wdat),
       .io_sel_o      (io_sel),
       .io_ack_i      (io_ack),
-      .io_rdat_i     (io_rdat)
+      .io_rdat_i     (io_rdat),
+      .debug_valid_i,
+      .debug_ready_o,
+      .debug_we_i,
+      .debug_adr_i,
+      .debug_wdat_i,
+      .debug_rdat_o
   );
 
   fl_interconnect #(

@@ -28,7 +28,15 @@ module fl_cpu #(
     output logic [31:0] io_wdat_o,
     output logic [ 3:0] io_sel_o,
     input  logic        io_ack_i,
-    input  logic [31:0] io_rdat_i
+    input  logic [31:0] io_rdat_i,
+
+    // Debug bus: no core that takes a command.
+    input  logic        debug_valid_i,  // held until debug_ready_o
+    output logic        debug_ready_o,
+    input  logic        debug_we_i,
+    input  logic [ 7:0] debug_adr_i,    // byte address
+    input  logic [31:0] debug_wdat_i,
+    output logic [31:0] debug_rdat_o    // for the address of the clock before
 );
 
   if (Boot) begin : g_check
@@ -44,6 +52,9 @@ module fl_cpu #(
   logic [2:0] core_irq;  // current, control, deferred in bits 0, 1, 2
 
   assign io_sel_o = '1;
+  assign {debug_ready_o, debug_rdat_o} = '0;
+  logic unused;
+  assign unused = &{1'b0, debug_valid_i, debug_we_i, debug_adr_i, debug_wdat_i};
 
   always_ff @(posedge clk_i) begin
     io_stb_o    <= host_stb && !io_ack_i;

@@ -38,7 +38,7 @@ SPDX-FileCopyrightText = ["2026 Fluxlock contributors", "Zig contributors"]
 SPDX-License-Identifier = "Apache-2.0 AND MIT"
 
 [[annotations]]
-path = ["generated/VexRiscv.v"]
+path = ["generated/VexRiscv*.v"]
 precedence = "override"
 SPDX-FileCopyrightText = ["2016 Spinal HDL contributors", "2026 Fluxlock contributors"]
 SPDX-License-Identifier = "MIT"
@@ -62,10 +62,11 @@ def export(
     """Fill an empty folder; the run that was recorded for it."""
     generate_registers()
     soft_core()
+    debug_core = soft_core(debug=True)
     sources = {"fl_soc": read_list(CHIP_LIST)}
     sources |= {flows.top(board): read_list(BOARD_FOLDER / f"{flows.top(board)}.f") for board in boards}
     lists = {name: [place(file) for file in files] for name, files in sources.items()}
-    copied = {file for files in sources.values() for file in files} | {WAIVERS}
+    copied = {file for files in sources.values() for file in files} | {WAIVERS, debug_core}
     copied |= {ROOT / "constraints" / flows.BOARDS[board].constraints for board in boards}
     for file in copied:
         _copy(file, folder / place(file))
@@ -119,5 +120,6 @@ The chip is `fl_soc`, board tops are {tops}. `fl_soc.f` and its like list the so
 The second line replays a recorded run of scenario `{scenario.name}` and compares the gates in every clock.
 `firmware.hex`: firmware and parameters of its motor, the RAM's contents. `boot.hex`: the loader, for `Boot = 1`.
 Scripts: `fluxlock.core` (FuseSoC), `*.ys` and `*.sh` (Yosys with slang, nextpnr), `*.tcl` (of vendors, not run yet).
-`generated/` has the register blocks and the RISC-V core, VexRiscv. Licences: `LICENSE` and `REUSE.toml`.
+`generated/` has the register blocks and the RISC-V core, VexRiscv. `VexRiscv_Debug.v` in its place has a debug bus.
+Licences: `LICENSE` and `REUSE.toml`.
 """

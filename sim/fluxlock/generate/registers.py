@@ -3,7 +3,7 @@
 
 """Build steps below `build/`: `python -m fluxlock.generate.registers regs` generates what comes from the register map.
 
-`rtl` also writes the soft core: then every file of `rtl/fl_soc.f` is there.
+`rtl` also writes the soft core: then every file of `rtl/fl_soc.f` is there, and the core with the debug bus beside it.
 
 Every step keeps a stamp with the hash of its inputs and does nothing when they did not change.
 """
@@ -132,6 +132,7 @@ def main() -> int:
         print(generate_registers(options.force))
         if options.step == "rtl":
             soft_core()
+            soft_core(debug=True)
     return 0
 
 
