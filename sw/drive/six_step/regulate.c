@@ -23,6 +23,8 @@
 #define ROUND_Q16 36608
 #define ROUND_STEP_MAX_Q16 8192
 #define ROUND_STEP_MAX_FIRM_Q16 16384
+// A tick with its commutation, over the sector, in which pairs are told apart.
+#define PAIR_STEP_MAX_Q16 49152
 // Voltage at the end of a sector that unequal fluxes add, over the difference of the pairs beside it: pi / (3 sqrt 3).
 #define LEAN_Q16 39622
 // What is left of the pairs' difference at their commutation: 1 - pi / (6 sqrt 3).
@@ -457,11 +459,13 @@ HOT static int32_t braking_bound(const regulate_t *r, const six_step_view_t *vie
 
 // Where in a sector the voltage of this tick is applied, one to two ticks from now.
 typedef struct {
-  uint32_t pair;       // of the middle of that tick
+  uint32_t pair;       // of the middle of that tick, by commutations modulo 3
   int32_t y_q16;       // that middle, from the one of the sector, in parts of it
   int32_t beyond_q16;  // what of the tick lies beyond the nearer commutation, in parts of the sector
   int32_t share_q16;   // and of the tick
 } spot_t;
+
+static uint32_t pair_after(uint32_t pair) { return (pair == PAIRS - 1u) ? 0u : pair + 1u; }
 
 SMALL_CODE_BEGIN
 static spot_t spot_of(const regulate_t *r, const measured_t *m) {
@@ -473,7 +477,7 @@ static spot_t spot_of(const regulate_t *r, const measured_t *m) {
   const int32_t place_q16 = m->place_q16 + m->place_q16 * more_q12 / 4096;
   const int32_t y_q16 = place_q16 + step_q16 * 3 / 2 - ONE_Q16 / 2;
   const bool next = y_q16 > ONE_Q16 / 2;
-  spot_t spot = {m->commutations + (next ? 1u : 0u), 0, 0, 0};
+  spot_t spot = {(m->commutations + (next ? 1u : 0u)) % PAIRS, 0, 0, 0};
   spot.y_q16 = clamp_i32(y_q16 - (next ? ONE_Q16 : 0), -ONE_Q16 / 2, ONE_Q16 / 2);
   const int32_t beyond_q16 = abs_sat(spot.y_q16) + step_q16 / 2 - ONE_Q16 / 2;
   if (beyond_q16 > 0) {
@@ -492,25 +496,54 @@ static int32_t rounding_v_q25(int32_t emf_v_q25, const spot_t *spot) {
 // The same of this pair beside the others: of unequal fluxes. A sinusoidal pair leans on the flux that it has in common with
 // the last one at first, with the next one at last.
 static int32_t pair_v_q25(const regulate_t *r, int32_t emf_v_q25, const spot_t *spot, bool sinusoidal) {
-  const int32_t own_q20 = r->pair_emf.more_q20[spot->pair % PAIRS];
-  const int32_t next_q20 = r->pair_emf.more_q20[(spot->pair + 1u) % PAIRS];
-  const int32_t last_q20 = r->pair_emf.more_q20[(spot->pair + 2u) % PAIRS];
-  const int32_t other_q20 = ((spot->y_q16 > 0) ? next_q20 : last_q20) - own_q20;
+  const int32_t own_q28 = r->pair_emf.more_q28[spot->pair];
+  const int32_t next_q28 = r->pair_emf.more_q28[pair_after(spot->pair)];
+  const int32_t last_q28 = -own_q28 - next_q28;
+  const int32_t other_q28 = ((spot->y_q16 > 0) ? next_q28 : last_q28) - own_q28;
   const int32_t lean_q16 = sinusoidal ? mul_q16(spot->y_q16, LEAN_Q16) : 0;
   const int32_t beyond_q16 = mul_q16(spot->share_q16, sinusoidal ? STEP_Q16 : ONE_Q16);
-  return mul_q16(emf_v_q25, own_q20 + mul_q16(next_q20 - last_q20, lean_q16) + mul_q16(other_q20, beyond_q16)) / 16;
+  const int32_t more_q28 = own_q28 + mul_q16(next_q28 - last_q28, lean_q16) + mul_q16(other_q28, beyond_q16);
+  return mul_q16(emf_v_q25, more_q28 / 4096);
 }
 
-// Both. Where a sector has only few ticks the inductance evens the EMF out.
-__attribute__((noinline)) static int32_t shape_v_q25(const regulate_t *r, const six_step_view_t *view, int32_t emf_v_q25,
-                                                     bool by_pair) {
+// What a tick has more than the mean of the pairs.
+typedef struct {
+  spot_t spot;
+  int32_t round_v_q25;
+  int32_t pair_v_q25;
+  bool by_pair;
+} shape_t;
+
+// Where a sector has only few ticks the inductance evens the EMF's rounding out.
+__attribute__((noinline)) static shape_t shape_of(const regulate_t *r, const six_step_view_t *view, int32_t emf_v_q25) {
   const bool sinusoidal = view->p->zcd_linear == 0;
-  if (!by_pair && view->m->place_step_q16 > ROUND_STEP_MAX_Q16) {
-    return 0;
+  const bool firm = is_firm(view->settings);
+  const int32_t step_q16 = view->m->place_step_q16;
+  const bool rounded = sinusoidal && step_q16 <= (firm ? ROUND_STEP_MAX_FIRM_Q16 : ROUND_STEP_MAX_Q16);
+  shape_t shape = {{0, 0, 0, 0}, 0, 0, firm && step_q16 <= PAIR_STEP_MAX_Q16};
+  if (rounded || shape.by_pair) {
+    shape.spot = spot_of(r, view->m);
   }
-  const spot_t spot = spot_of(r, view->m);
-  const int32_t round_v_q25 = sinusoidal ? rounding_v_q25(emf_v_q25, &spot) : 0;
-  return round_v_q25 + (by_pair ? pair_v_q25(r, emf_v_q25, &spot, sinusoidal) : 0);
+  if (rounded) {
+    shape.round_v_q25 = rounding_v_q25(emf_v_q25, &shape.spot);
+  }
+  if (shape.by_pair) {
+    shape.pair_v_q25 = pair_v_q25(r, emf_v_q25, &shape.spot, sinusoidal);
+  }
+  return shape;
+}
+
+// The voltage told and what it did two ticks later.
+static void learn_pairs(regulate_t *r, const six_step_view_t *view, const shape_t *shape, int32_t u_v_q25,
+                        int32_t emf_v_q25) {
+  const parameters_t *p = view->p;
+  const measured_t *m = view->m;
+  const spot_t *spot = &shape->spot;
+  const pair_emf_gains_t gains = {{p->resistance_low, p->resistance_shift + 8}, p->pair_inductance, p->pair_spring};
+  const uint32_t next = pair_after(spot->pair);
+  const uint32_t other = (spot->y_q16 > 0) ? next : PAIRS - spot->pair - next;
+  const pair_emf_tick_t tick = pair_emf_tick(u_v_q25 - shape->round_v_q25, spot->pair, other, spot->share_q16);
+  pair_emf_step(&r->pair_emf, &gains, &tick, emf_v_q25, m->line_i_q25, p->loop_filter_shift, m->place_step_q16);
 }
 SMALL_CODE_END
 
@@ -523,9 +556,8 @@ HOT static int32_t voltage_step(regulate_t *r, const pwm_t *pwm, const six_step_
   const scheduled_t *g = &r->scheduled;
   const limiter_gains_t gains = {p->limiter_kp, p->limiter_ki};
   const int32_t mean_v_q25 = emf_now_v_q25(r, view);
-  const bool by_pair = m->place_step_q16 <= ROUND_STEP_MAX_FIRM_Q16 && is_firm(view->settings);
-  const int32_t more_v_q25 = shape_v_q25(r, view, mean_v_q25, by_pair);
-  const int32_t emf_v_q25 = mean_v_q25 + more_v_q25;
+  const shape_t shape = shape_of(r, view, mean_v_q25);
+  const int32_t emf_v_q25 = mean_v_q25 + shape.round_v_q25 + shape.pair_v_q25;
   // The integral knows by how much the EMF is wrong: of flux and temperature.
   const int32_t trimmed_v_q25 = emf_v_q25 + (r->current_pi.integral_q5 >> PI_INTEGRAL_BITS);
   // The magnitude of a braking current has its own limit.
@@ -570,10 +602,8 @@ HOT static int32_t voltage_step(regulate_t *r, const pwm_t *pwm, const six_step_
     r->limit = LIMIT_SLEW;
   }
   limiter_update(&r->limiter, &gains, g->resistive_v_q25, margin_q17, above);
-  if (by_pair) {
-    const pair_emf_gains_t pair = {{p->resistance_low, p->resistance_shift + 8}, p->pair_inductance, p->pair_spring};
-    pair_emf_step(&r->pair_emf, &pair, output - more_v_q25, mean_v_q25, m->line_i_q25, p->loop_filter_shift,
-                  m->commutations);
+  if (shape.by_pair) {
+    learn_pairs(r, view, &shape, output, mean_v_q25);
   } else {
     pair_emf_pause(&r->pair_emf);
   }
