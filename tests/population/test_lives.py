@@ -55,15 +55,24 @@ def test_lives_that_are_right(method: Method, index: int) -> None:
     assert len(row["holds"]) == 8 and all(abs(hold["off"]) < 0.005 for hold in row["holds"])
 
 
-@pytest.mark.parametrize("index", [38, 61, 73, 74, 82, 89])
+@pytest.mark.parametrize("index", [38, 61, 62, 73, 74, 82, 89])
 def test_six_step_lives_turn_evenly(index: int) -> None:
     """Drives that brake swung by 2 % by restarted carriers, by 1.1 % by unequal pairs, by 2 to 4 % by dead times.
 
-    A light rotor swung by 10 % by restarted carriers (38).
+    A light rotor swung by 10 % by restarted carriers (38), one by unequal pairs in sectors of 2.8 ticks (62).
 
     Verifies: FW-74
     """
     row = run_life("six-step", SEED, makers(), index)
+    assert row["outcome"] == "right", row["reasons"]
+
+
+def test_a_crossing_stays_visible_where_a_sector_has_three_carriers() -> None:
+    """A machine of much inductance lost its lock while it sped up and tripped: freewheeling hid the crossings.
+
+    Verifies: FW-72
+    """
+    row = run_life("six-step", SEED, makers(), 132)
     assert row["outcome"] == "right", row["reasons"]
 
 
