@@ -573,6 +573,27 @@ def test_unreachable_speed_states_both_voltages() -> None:
     assert len(found) == 1 and "event[2].load_factor: 60000 r/min with 0.025 N*m needs at least 13.2 V" in found[0]
 
 
+def test_current_that_hides_the_crossing() -> None:
+    """A load under which freewheeling lasts until the crossing: the drive would keep to less current and less speed.
+
+    The limit beside it is worked out here from the theory page: 60 000 r/min of a pole pair are sectors of 166.7 us,
+    11 us of their half stay free. EMF 10.5 V and a need of 16 V are within a tenth.
+
+    Verifies: FRONT-04, FW-72
+    """
+    coil = "motor.inductance_h=[70e-6,70e-6,70e-6]"
+    found = errors(coil)
+    assert len(found) == 1
+    said = re.search(
+        r"event\[2\]\.load_factor: .* needs 15\.1 A, but freewheeling hides the crossing above ([\d.]+) A", found[0]
+    )
+    assert said and "a higher supply_v helps" in found[0]
+    limit_a = (166.7e-6 / 2 - 11e-6) / 70e-6 * ((2 * 25 - 16) / 3 + 0.15 * 10.5)
+    assert float(said[1]) == pytest.approx(limit_a, rel=0.1)
+    load_scenario(DEMO, [coil, "drive.freewheel_limit=false"])
+    load_scenario(DEMO, [coil, "drive.zcd.compute_back=true"])
+
+
 def test_speed_out_of_reach_on_purpose() -> None:
     """Stated by `[[accept]]` or by the option a target may need more than a limit gives; the others still hold.
 

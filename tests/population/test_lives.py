@@ -67,7 +67,7 @@ def test_six_step_lives_turn_evenly(index: int) -> None:
     assert row["outcome"] == "right", row["reasons"]
 
 
-def test_a_crossing_stays_visible_where_a_sector_has_three_carriers() -> None:
+def test_a_crossing_stays_visible_in_short_sectors() -> None:
     """A machine of much inductance lost its lock while it sped up and tripped: freewheeling hid the crossings.
 
     Verifies: FW-72

@@ -16,6 +16,13 @@ from fluxlock.config.motor import COMMUTATION_LEAST, Motor
 from fluxlock.config.scenario import Scenario
 from fluxlock.config.vector_checks import lacking_vector, vector_speed
 
+# As regulate.c: what freewheeling leaves before the crossing, of a sector and at least; its part of a sector where crossings
+# are computed back; share of the EMF that drives it.
+FREEWHEEL_SECTOR, FREEWHEEL_ROOM_S, FREEWHEEL_BACK = 1 / 16, 11e-6, 14 / 16
+FREEWHEEL_EMF = 0.15
+# The voltage that is needed is known to some percent.
+FREEWHEEL_TOLERANCE = 1.03
+
 
 def required_voltage(
     motor: Motor, inverter: Inverter, speed_rpm: float, torque_nm: float, commutation: float = COMMUTATION_LEAST
@@ -112,11 +119,32 @@ def _cut_pulses(s: Scenario, speed_rpm: float) -> float:
     return math.ceil(carriers) / carriers if s.drive.commutation == "CSC" else 1.0
 
 
+def freewheel_limit_a(s: Scenario, point: Point) -> float:
+    """Current that freewheeling takes down before the crossing: what the drive keeps to at a point, inf without one.
+
+    As `sw/drive/six_step/regulate.c` works it out, from the voltage that the point needs.
+    """
+    drive, motor = s.drive, s.motor
+    if not drive.freewheel_limit or drive.hall.mode == "sensored":
+        return math.inf
+    sector_s = 1.0 / (6 * motor.electrical_hz(point.speed_rpm))
+    room_s = min(max(FREEWHEEL_SECTOR * sector_s, FREEWHEEL_ROOM_S), sector_s / 4)
+    time_s = FREEWHEEL_BACK * sector_s if drive.zcd.compute_back else sector_s / 2 - room_s
+    emf_v = motor.line_flux_vs * abs(motor.omega_e(point.speed_rpm))
+    need_v = required_voltage(motor, s.inverter, point.speed_rpm, point.torque_nm)
+    chopped_v = 2 * point.supply_v - need_v if drive.pattern == "ON-PWM" else need_v
+    return time_s * (chopped_v / 3 + FREEWHEEL_EMF * emf_v) / motor.mean_inductance_h
+
+
 def _six_step_current(s: Scenario, point: Point) -> str:
     need_a = point.torque_nm / s.motor.torque_per_amp_nm
-    if need_a <= s.current_limit_a:
-        return ""
-    return f"needs {need_a:.1f} A, permitted by drive.current_limit_a {s.current_limit_a:.1f} A"
+    if need_a > s.current_limit_a:
+        return f"needs {need_a:.1f} A, permitted by drive.current_limit_a {s.current_limit_a:.1f} A"
+    visible_a = freewheel_limit_a(s, point)
+    if need_a > FREEWHEEL_TOLERANCE * visible_a:
+        hides = f"freewheeling hides the crossing above {visible_a:.3g} A"
+        return f"needs {need_a:.3g} A, but {hides} (a higher supply_v helps)"
+    return ""
 
 
 def _speed(s: Scenario, key: str, speed_rpm: float) -> list[Problem]:

@@ -56,10 +56,9 @@
 #define BRAKE_ROOM 16
 // Share of it that the ramp may ask for in any case.
 #define ROOM_MIN 16
-// Parts of a sector that freewheeling may take: nine tenths of the way to the crossing, or to the next commutation.
-#define FREEWHEEL_SEEN_X16 7u
-// Part of a carrier that a crossing needs of the terminal before it, to be seen.
-#define FREEWHEEL_SAMPLE 3u
+// What freewheeling leaves of the half sector before the crossing: a sixteenth of the sector, and 11 us in which samples of the
+// terminal may be missing, at most half of it. Where late crossings are computed back: its part of the sector.
+#define FREEWHEEL_ROOM_CYCLES 550u
 #define FREEWHEEL_BACK_X16 14u
 #define FREEWHEEL_EMF_Q16 9830
 
@@ -105,10 +104,9 @@ static int32_t freewheel_limit_i_q25(const six_step_view_t *view, const pwm_t *p
   const int32_t chopped_v_q25 = (view->settings->pattern == PATTERN_ON_PWM) ? 2 * vdc_v_q25 - on_v_q25 : on_v_q25;
   const int32_t driving_v_q25 = chopped_v_q25 / 3 + mul_q16(view->m->emf_v_q25, FREEWHEEL_EMF_Q16);
   const bool back = view->settings->crossing.compute_back;
-  const uint32_t seen_cycles = view->m->sector_cycles / 16u * FREEWHEEL_SEEN_X16;
-  const uint32_t sample_cycles = view->settings->carrier_period_cycles / FREEWHEEL_SAMPLE;
-  const uint32_t time_cycles = back ? view->m->sector_cycles / 16u * FREEWHEEL_BACK_X16
-                                    : seen_cycles - clamp_u32(sample_cycles, 0, seen_cycles / 2u);
+  const uint32_t sector_cycles = view->m->sector_cycles;
+  const uint32_t room_cycles = clamp_u32(FREEWHEEL_ROOM_CYCLES, sector_cycles / 16u, sector_cycles / 4u);
+  const uint32_t time_cycles = back ? sector_cycles / 16u * FREEWHEEL_BACK_X16 : sector_cycles / 2u - room_cycles;
   // per_volt is that of two phases and half of a carrier: L of one phase is a quarter.
   const int32_t per_carrier_i_q25 = gain_apply(driving_v_q25, view->p->boundary_current);
   return sat_i32(((int64_t)per_carrier_i_q25 * (int32_t)time_cycles) >> (BOUNDARY_CYCLES_SHIFT - 2));
