@@ -16,8 +16,8 @@ from fluxlock.config.motor import COMMUTATION_LEAST, Motor
 from fluxlock.config.scenario import Scenario
 from fluxlock.config.vector_checks import lacking_vector, vector_speed
 
-# As regulate.c: what freewheeling leaves before the crossing, of a sector and at least; its part of a sector where crossings
-# are computed back; share of the EMF that drives it.
+# As regulate.c: what freewheeling leaves before the crossing, of a sector and at least; its part of a sector where
+# crossings are computed back; share of the EMF that drives it.
 FREEWHEEL_SECTOR, FREEWHEEL_ROOM_S, FREEWHEEL_BACK = 1 / 16, 11e-6, 14 / 16
 FREEWHEEL_EMF = 0.15
 # The voltage that is needed is known to some percent.
