@@ -82,7 +82,7 @@ def test_signal_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     Verifies: DRV-07
     """
     monkeypatch.setattr(bench, "generate_registers", lambda: None)
-    with pytest.raises(ConfigError, match="signals: fl_trap.trip_o: there is no module fl_trap"):
+    with pytest.raises(ConfigError, match=r"signals: fl_trap\.trip_o: there is no module fl_trap"):
         Bench(DEMO, signals="fl_trap.trip_o")
 
 

@@ -58,7 +58,8 @@ def python_library() -> str:
     if library is None:
         package = f"libpython{sys.version_info.major}.{sys.version_info.minor}"
         text = f"this machine lacks the shared library of {sys.executable}: install {package} (Debian, Ubuntu) or "
-        raise ToolsMissing([Problem("", "", f"{text}python3-libs (Fedora), or take a Python built with --enable-shared")])
+        text += "python3-libs (Fedora), or take a Python built with --enable-shared"
+        raise ToolsMissing([Problem("", "", text)])
     return library
 
 
