@@ -50,6 +50,12 @@ module fl_soc
     output logic                     spi_sck_o,
     output logic                     spi_mosi_o,
     input  logic                     spi_miso_i,
+    input  logic                     debug_valid_i,
+    output logic                     debug_ready_o,
+    input  logic                     debug_we_i,
+    input  logic      [         7:0] debug_adr_i,
+    input  logic      [        31:0] debug_wdat_i,
+    output logic      [        31:0] debug_rdat_o,
     output logic                     trc_valid_o,
     output stamp_t                   trc_now_o,
     output logic                     trc_zc_valid_o,
@@ -65,6 +71,9 @@ module fl_soc
     output logic                     trc_angle_valid_o,
     output logic      [        31:0] trc_angle_o
 );
+
+  assign debug_ready_o = 1'b0;
+  assign debug_rdat_o  = '0;
 
   logic [5:0] count_q;
   logic started_q;  // the converters' frame after reset is over

@@ -587,11 +587,17 @@ def test_current_that_hides_the_crossing() -> None:
     said = re.search(
         r"event\[2\]\.load_factor: .* needs 15\.1 A, but freewheeling hides the crossing above ([\d.]+) A", found[0]
     )
-    assert said and "a higher supply_v helps" in found[0]
+    assert said and "(a higher supply_v or drive.zcd.compute_back = true helps)" in found[0]
     limit_a = (166.7e-6 / 2 - 11e-6) / 70e-6 * ((2 * 25 - 16) / 3 + 0.15 * 10.5)
     assert float(said[1]) == pytest.approx(limit_a, rel=0.1)
     load_scenario(DEMO, [coil, "drive.freewheel_limit=false"])
     load_scenario(DEMO, [coil, "drive.zcd.compute_back=true"])
+    # The other patterns have less against the current, whatever the supply: their own pulse.
+    (other,) = errors(coil, 'drive.pattern="H_PWM-L_ON"')
+    assert "event[0].speed_rpm" in other and '(drive.pattern = "ON-PWM" or drive.zcd.compute_back = true helps)' in other
+    # A supply that is too low for the speed drives no current backwards.
+    (low,) = errors(coil, "inverter.supply_v=5", 'accept=[{what="voltage",why="shown"}]')
+    assert "above -" not in low
 
 
 def test_speed_out_of_reach_on_purpose() -> None:

@@ -63,17 +63,38 @@ def test_wrong_scenarios() -> None:
         Bench(load_scenario(DEMO), "drive.carrier_hz=20_000")
 
 
-def test_wrong_tests() -> None:
-    """A module's file that is not there, and a test that it does not have, which would pass as none.
+OWN_TESTS = """
+import cocotb
+from fluxlock.drive import drive_test
+
+@cocotb.test()
+async def plain(dut): ...
+
+@drive_test(name="named")
+async def function(drive): ...
+
+@cocotb.test()
+@cocotb.parametrize(a=[1, 2])
+async def pairs(dut, a): ...
+"""
+
+
+def test_wrong_tests(tmp_path: Path) -> None:
+    """A test that a module does not have, which would pass as none; those that it has by the names that cocotb takes.
 
     Verifies: DRV-07
     """
     vector = ROOT / "cocotb_tests" / "drive" / "test_vector.py"
-    with pytest.raises(ConfigError, match=r"test_spindel\.py: no such file$"):
-        check_tests("test_spindel.py", [])
-    with pytest.raises(ConfigError, match=r"test_vector\.py: nosuch: no such test; its drive_tests: \w+, "):
+    with pytest.raises(ConfigError, match=r"test_vector\.py: nosuch: no such test; there is \w+, "):
         check_tests(vector, ["nosuch"])
+    with pytest.raises(ConfigError, match="Path: no such test"):  # a name of the module, but none of a test
+        check_tests(vector, ["Path"])
     check_tests(vector, [])
+    (tmp_path / "test_own.py").write_text(OWN_TESTS)
+    for known in ("plain", "test_own.plain", "named", "pairs", "pairs/a=1", "pl.*"):
+        check_tests(tmp_path / "test_own.py", [known])
+    with pytest.raises(ConfigError, match="function: no such test; there is plain, named, pairs"):
+        check_tests(tmp_path / "test_own.py", ["function"])
 
 
 def test_signal_alone(monkeypatch: pytest.MonkeyPatch) -> None:

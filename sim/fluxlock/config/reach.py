@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from fluxlock.config.errors import Problem
 from fluxlock.config.fields import with_unit
 from fluxlock.config.inverter import Inverter
-from fluxlock.config.motor import COMMUTATION_LEAST, Motor
+from fluxlock.config.motor import COMMUTATION_LEAST, COMMUTATION_USUAL, Motor
 from fluxlock.config.scenario import Scenario
 from fluxlock.config.vector_checks import lacking_vector, vector_speed
 
@@ -96,11 +96,16 @@ def lack(s: Scenario, point: Point) -> Lack:
     return Lack(six_step_voltage(s, point, COMMUTATION_LEAST), _six_step_current(s, point))
 
 
+def _advance_deg(s: Scenario) -> float:
+    """Advance of the commutations at most."""
+    drive = s.drive
+    return drive.advance_deg + drive.advance_deg_at_max_speed + drive.advance_deg_at_rated_current
+
+
 def six_step_voltage(s: Scenario, point: Point, commutation: float) -> str:
     """Why the voltage does not hold a point; empty if it does."""
     drive = s.drive
-    advance_deg = drive.advance_deg + drive.advance_deg_at_max_speed + drive.advance_deg_at_rated_current
-    if advance_deg > 0:  # which takes back a part of the commutations and of the EMF
+    if _advance_deg(s) > 0:  # which takes back a part of the commutations and of the EMF
         return ""
     need_v = required_voltage(s.motor, s.inverter, point.speed_rpm, point.torque_nm, commutation)
     have_v = point.supply_v * min(1.0, drive.duty_max * _cut_pulses(s, point.speed_rpm))
@@ -122,7 +127,8 @@ def _cut_pulses(s: Scenario, speed_rpm: float) -> float:
 def freewheel_limit_a(s: Scenario, point: Point) -> float:
     """Current that freewheeling takes down before the crossing: what the drive keeps to at a point, inf without one.
 
-    As `sw/drive/six_step/regulate.c` works it out, from the voltage that the point needs.
+    As `sw/drive/six_step/regulate.c` works it out, from the voltage that the point needs, whichever side of it permits
+    more. Speed is not 0.
     """
     drive, motor = s.drive, s.motor
     if not drive.freewheel_limit or drive.hall.mode == "sensored":
@@ -131,8 +137,13 @@ def freewheel_limit_a(s: Scenario, point: Point) -> float:
     room_s = min(max(FREEWHEEL_SECTOR * sector_s, FREEWHEEL_ROOM_S), sector_s / 4)
     time_s = FREEWHEEL_BACK * sector_s if drive.zcd.compute_back else sector_s / 2 - room_s
     emf_v = motor.line_flux_vs * abs(motor.omega_e(point.speed_rpm))
-    need_v = required_voltage(motor, s.inverter, point.speed_rpm, point.torque_nm)
-    chopped_v = 2 * point.supply_v - need_v if drive.pattern == "ON-PWM" else need_v
+    off_chops = drive.pattern == "ON-PWM"
+    commutation = COMMUTATION_LEAST if off_chops else COMMUTATION_USUAL
+    need_v = required_voltage(motor, s.inverter, point.speed_rpm, point.torque_nm, commutation)
+    if off_chops and _advance_deg(s) > 0:  # which takes back a part of the voltage
+        need_v = min(need_v, emf_v)
+    on_v = min(need_v, point.supply_v)
+    chopped_v = 2 * point.supply_v - on_v if off_chops else on_v
     return time_s * (chopped_v / 3 + FREEWHEEL_EMF * emf_v) / motor.mean_inductance_h
 
 
@@ -141,10 +152,12 @@ def _six_step_current(s: Scenario, point: Point) -> str:
     if need_a > s.current_limit_a:
         return f"needs {need_a:.1f} A, permitted by drive.current_limit_a {s.current_limit_a:.1f} A"
     visible_a = freewheel_limit_a(s, point)
-    if need_a > FREEWHEEL_TOLERANCE * visible_a:
-        hides = f"freewheeling hides the crossing above {visible_a:.3g} A"
-        return f"needs {need_a:.3g} A, but {hides} (a higher supply_v helps)"
-    return ""
+    if need_a <= FREEWHEEL_TOLERANCE * visible_a:
+        return ""
+    helps = "a higher supply_v" if s.drive.pattern == "ON-PWM" else 'drive.pattern = "ON-PWM"'
+    if not s.drive.zcd.compute_back:
+        helps += " or drive.zcd.compute_back = true"
+    return f"needs {need_a:.3g} A, but freewheeling hides the crossing above {visible_a:.3g} A ({helps} helps)"
 
 
 def _speed(s: Scenario, key: str, speed_rpm: float) -> list[Problem]:

@@ -23,7 +23,7 @@ from fluxlock.cosim.upsets import write_upset_table
 from fluxlock.file_lists import chip_files
 from fluxlock.generate.memory import BLOCK_ADDRESS, CAN_SETUP_ADDRESS, PUBLISHED_ADDRESS, RAM_WORDS, TELEMETRY_ADDRESS
 from fluxlock.generate.registers import generate_registers
-from fluxlock.generate.soft_core import CORE, soft_core
+from fluxlock.generate.soft_core import CORE, DEBUG_CORE, soft_core
 
 TOP = "fl_soc"
 BOARD_TOP = "fl_board_bench"  # the chip on a board
@@ -84,9 +84,9 @@ def rtl_sources(native: bool = False) -> list[Path]:
     native: without the core, with what stands in its place when the firmware runs in the simulator's process.
     """
     files = chip_files()
-    soft_core()
+    soft_core(debug=any(path.name == DEBUG_CORE.name for path in files))
     if native:
-        files = [path for path in files if path.name not in (CPU_HOST.name, CORE.name)]
+        files = [path for path in files if path.name not in (CPU_HOST.name, CORE.name, DEBUG_CORE.name)]
         files.append(CPU_HOST)
     return files
 

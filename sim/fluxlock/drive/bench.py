@@ -110,8 +110,8 @@ class Bench:
         """
         __tracebackhide__ = True  # in pytest
         path = Path(module)
-        chosen = options.get("testcase") or ()
-        check_tests(module, chosen.split(",") if isinstance(chosen, str) else chosen)
+        if path.suffix == ".py" and not path.is_file():
+            raise ConfigError([Problem(str(module), "", "no such file")])
         folder = [str(path.resolve().parent)] if path.suffix == ".py" else []
         before = list(sys.path)
         sys.path[:0] = folder
@@ -119,6 +119,8 @@ class Bench:
         results.unlink(missing_ok=True)
         try:
             name = path.stem if folder else str(module)
+            chosen = options.get("testcase") or ()
+            check_tests(module, chosen.split(",") if isinstance(chosen, str) else chosen)
             if not (options.get("testcase") or options.get("test_filter")):
                 options["test_filter"] = filter_of(_globals_of(module))
             get_runner("verilator").test(test_module=name, **self._arguments(), **options)
@@ -207,15 +209,16 @@ def filter_of(names: dict[str, Any]) -> str | None:
 
 
 def check_tests(module: str | Path, chosen: Sequence[str]) -> None:
-    """Raise ConfigError if the module's file is not there, or has no test that is chosen by its name."""
-    if Path(module).suffix == ".py" and not Path(module).is_file():
-        raise ConfigError([Problem(str(module), "", "no such file")])
-    names = _globals_of(module) if chosen else {}
-    there = [name for name, made in names.items() if getattr(made, DRIVE_TEST, False)]
-    for test in chosen:
-        if test.split("/")[0] not in names:  # what follows is of a test with parameters
-            fault = f"no such test; its drive_tests: {', '.join(there) or 'none'}"
-            raise ConfigError([Problem(str(module), test, fault)])
+    """Raise ConfigError if a module has no test that is chosen by its name, with or without what is of its parameters."""
+    if not chosen:
+        return
+    made = [value for value in _globals_of(module).values() if hasattr(value, "expect_fail")]  # by cocotb.test
+    names = [f"{Path(module).stem}.{value.name}" for value in made]
+    for test in chosen:  # cocotb searches for it at the end of the name, with its parameters behind a slash
+        bare = re.compile(rf"{test.split('/')[0]}$")
+        if not any(bare.search(name) for name in names):
+            there = ", ".join(name.partition(".")[2] for name in names) or "none"
+            raise ConfigError([Problem(str(module), test, f"no such test; there is {there}")])
 
 
 def check_signals(signals: Sequence[str]) -> None:
