@@ -594,7 +594,9 @@ def test_current_that_hides_the_crossing() -> None:
     load_scenario(DEMO, [coil, "drive.zcd.compute_back=true"])
     # The other patterns have less against the current, whatever the supply: their own pulse.
     (other,) = errors(coil, 'drive.pattern="H_PWM-L_ON"')
-    assert "event[0].speed_rpm" in other and '(drive.pattern = "ON-PWM" or drive.zcd.compute_back = true helps)' in other
+    assert (
+        "event[0].speed_rpm" in other and '(drive.pattern = "ON-PWM" or drive.zcd.compute_back = true helps)' in other
+    )
     # A supply that is too low for the speed drives no current backwards.
     (low,) = errors(coil, "inverter.supply_v=5", 'accept=[{what="voltage",why="shown"}]')
     assert "above -" not in low

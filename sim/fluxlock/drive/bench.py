@@ -209,7 +209,7 @@ def filter_of(names: dict[str, Any]) -> str | None:
 
 
 def check_tests(module: str | Path, chosen: Sequence[str]) -> None:
-    """Raise ConfigError if a module has no test that is chosen by its name, with or without what is of its parameters."""
+    """Raise ConfigError if a module has no test that is chosen by its name, with or without its parameters."""
     if not chosen:
         return
     made = [value for value in _globals_of(module).values() if hasattr(value, "expect_fail")]  # by cocotb.test
