@@ -18,7 +18,7 @@
 #define OFF_MAX_Q15 1024
 // 3/32 of it, to 28 bits.
 #define LEARN 768
-// Pairs are not further apart than a quarter.
+// Of the first two; the third follows.
 #define MORE_MAX_Q28 (1 << 26)
 
 SMALL_CODE_BEGIN
@@ -59,7 +59,7 @@ static void see(pair_emf_t *e, int32_t filter_shift, int32_t *share_q16) {
 }
 
 SHARED void pair_emf_step(pair_emf_t *e, const pair_emf_gains_t *gains, const pair_emf_tick_t *told, int32_t emf_v_q25,
-                       int32_t i_q25, int32_t filter_shift, int32_t step_q16) {
+                          int32_t i_q25, int32_t filter_shift, int32_t step_q16) {
   const int32_t before_v_q25 = e->seen.u_v_q25;
   const int32_t rise_i_q25 = i_q25 - e->i_q25;
   const int32_t both_i_q25 = i_q25 - rise_i_q25 / 2;

@@ -238,13 +238,17 @@ static void schedule_speed(regulate_t *r, const six_step_view_t *view, const pwm
   g->sector_rpm_q20 = sat_i32(((int64_t)view->m->speed_rpm_q8 * view->m->place_step_q16) >> (4 + SECTOR_UP_SHIFT));
 }
 
+// The speed goes so little that what is measured now belongs to it.
+static bool rests(const regulate_t *r, const measured_t *m) {
+  return abs_sat(r->rotor_rpm_q8 - r->lagged_rpm_q8) < m->speed_rpm_q8 / FLUX_REST;
+}
+
 // By how much the flux of the file is wrong, from what the current regulator has added while the speed rests and little of it was
 // for currents: on a ramp that part grows with the speed.
 static void schedule_flux(regulate_t *r, const six_step_view_t *view) {
   const int32_t emf_v_q25 = view->m->emf_v_q25;
   const int32_t drop_v_q25 = gain_apply(abs_sat(view->m->line_i_q25), r->scheduled.resistance);
-  const bool rests = abs_sat(r->rotor_rpm_q8 - r->lagged_rpm_q8) < view->m->speed_rpm_q8 / FLUX_REST;
-  if (rests && drop_v_q25 < emf_v_q25 / FLUX_LOOK) {
+  if (rests(r, view->m) && drop_v_q25 < emf_v_q25 / FLUX_LOOK) {
     const int32_t added_v_q25 = clamp_i32(r->current_pi.integral_q5 >> PI_INTEGRAL_BITS, -emf_v_q25, emf_v_q25);
     r->scheduled.flux_q12 = clamp_i32(added_v_q25 * 16 / (emf_v_q25 / 256 + 1), -FLUX_MAX_Q12, FLUX_MAX_Q12);
   }
@@ -479,9 +483,9 @@ static spot_t spot_of(const regulate_t *r, const measured_t *m) {
   const int32_t step_q16 = m->place_step_q16 + m->place_step_q16 * more_q12 / 4096;
   const int32_t place_q16 = m->place_q16 + m->place_q16 * more_q12 / 4096;
   const int32_t y_q16 = place_q16 + step_q16 * 3 / 2 - ONE_Q16 / 2;
-  const bool next = y_q16 > ONE_Q16 / 2;
-  spot_t spot = {(m->commutations + (next ? 1u : 0u)) % PAIRS, 0, 0, 0};
-  spot.y_q16 = clamp_i32(y_q16 - (next ? ONE_Q16 : 0), -ONE_Q16 / 2, ONE_Q16 / 2);
+  const uint32_t sectors = (uint32_t)clamp_i32(y_q16 + ONE_Q16 / 2, 0, 5 * ONE_Q16 / 2) >> 16;  // to come
+  spot_t spot = {(m->commutations + sectors) % PAIRS, 0, 0, 0};
+  spot.y_q16 = clamp_i32(y_q16 - (int32_t)(sectors << 16), -ONE_Q16 / 2, ONE_Q16 / 2);
   const int32_t beyond_q16 = abs_sat(spot.y_q16) + step_q16 / 2 - ONE_Q16 / 2;
   if (beyond_q16 > 0) {
     spot.beyond_q16 = beyond_q16;
@@ -605,7 +609,7 @@ HOT static int32_t voltage_step(regulate_t *r, const pwm_t *pwm, const six_step_
     r->limit = LIMIT_SLEW;
   }
   limiter_update(&r->limiter, &gains, g->resistive_v_q25, margin_q17, above);
-  if (shape.by_pair) {
+  if (shape.by_pair && rests(r, m)) {
     learn_pairs(r, view, &shape, output, mean_v_q25);
   } else {
     pair_emf_pause(&r->pair_emf);
