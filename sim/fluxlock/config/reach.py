@@ -124,6 +124,11 @@ def _cut_pulses(s: Scenario, speed_rpm: float) -> float:
     return math.ceil(carriers) / carriers if s.drive.commutation == "CSC" else 1.0
 
 
+def _computes_back(s: Scenario) -> bool:
+    """Crossings that are overridden are computed back: a key of the table of settings."""
+    return bool(vars(s.drive.zcd)["compute_back"])
+
+
 def freewheel_limit_a(s: Scenario, point: Point) -> float:
     """Current that freewheeling takes down before the crossing: what the drive keeps to at a point, inf without one.
 
@@ -135,7 +140,7 @@ def freewheel_limit_a(s: Scenario, point: Point) -> float:
         return math.inf
     sector_s = 1.0 / (6 * motor.electrical_hz(point.speed_rpm))
     room_s = min(max(FREEWHEEL_SECTOR * sector_s, FREEWHEEL_ROOM_S), sector_s / 4)
-    time_s = FREEWHEEL_BACK * sector_s if drive.zcd.compute_back else sector_s / 2 - room_s
+    time_s = FREEWHEEL_BACK * sector_s if _computes_back(s) else sector_s / 2 - room_s
     emf_v = motor.line_flux_vs * abs(motor.omega_e(point.speed_rpm))
     off_chops = drive.pattern == "ON-PWM"
     commutation = COMMUTATION_LEAST if off_chops else COMMUTATION_USUAL
@@ -155,7 +160,7 @@ def _six_step_current(s: Scenario, point: Point) -> str:
     if need_a <= FREEWHEEL_TOLERANCE * visible_a:
         return ""
     helps = "a higher supply_v" if s.drive.pattern == "ON-PWM" else 'drive.pattern = "ON-PWM"'
-    if not s.drive.zcd.compute_back:
+    if not _computes_back(s):
         helps += " or drive.zcd.compute_back = true"
     return f"needs {need_a:.3g} A, but freewheeling hides the crossing above {visible_a:.3g} A ({helps} helps)"
 
