@@ -5,89 +5,76 @@
 
 #include "control/placement.h"
 
-// Before they teach: two ticks whose voltage is known, and the one before.
-#define TICKS_MIN 3u
-#define THIRD_Q16 21845
-#define REST_SHARE 3
-#define SWING_SHARE 8
-// Of what is off: from 17 bits to 15 of a voltage of 25 - 11.
-#define OFF_MAX_Q17 131072
-#define OFF_SHIFT 12
+// After a commutation the filter shows the pair before it; fewer ticks tell too little.
+#define TICKS_LEFT_OUT 2u
+#define TICKS_MIN 4u
+// What stands apart over what each other pair loses of it: 32; from 17 bits to 20 over a voltage of 25 - 11.
+#define LEARN_SHIFT 12
 #define EMF_SHIFT 11
-// A tick tells 3 % of the EMF at most: a step of the load is off by more and belongs to no pair.
-#define OFF_MAX_Q15 1024
-// 3/32 of it, to 28 bits.
-#define LEARN 768
-// Of the first two; the third follows.
-#define MORE_MAX_Q28 (1 << 26)
+#define APART_MAX_Q17 131072
 
-SMALL_CODE_BEGIN
-// Many places, few bytes.
-SHARED static int32_t part_of(int32_t x, int32_t share_q16) { return mul_q16(x, share_q16); }
-
-pair_emf_tick_t pair_emf_tick(int32_t u_v_q25, uint32_t pair, uint32_t other, int32_t other_q16) {
-  int32_t share_q24[PAIRS] = {0, 0, 0};
-  share_q24[pair] = (1 << 24) - other_q16 * 256;
-  share_q24[other] = other_q16 * 256;
-  return (pair_emf_tick_t){u_v_q25, {share_q24[0], share_q24[1]}};
-}
-
-// What is off goes to those that had the ticks. emf > 0
-static void learn(pair_emf_t *e, int32_t v_q25, int32_t emf_v_q25, const int32_t *share_q16, int32_t step_q16) {
-  const int32_t last_q16 = 65536 - share_q16[0] - share_q16[1];
-  const int32_t known_q28 = part_of(e->more_q28[0], share_q16[0]) + part_of(e->more_q28[1], share_q16[1]) +
-                            part_of(e->more_q28[2], last_q16);
-  const int32_t off_v_q25 = within_i32(v_q25 - e->rest_v_q25 - part_of(emf_v_q25, known_q28 / 4096), PRODUCT_MAX);
-  e->rest_v_q25 += part_of(off_v_q25, step_q16) / REST_SHARE;
-  const int32_t off_q15 = (within_i32(off_v_q25 / 256, OFF_MAX_Q17) * (1 << OFF_SHIFT)) / ((emf_v_q25 >> EMF_SHIFT) + 1);
-  const int32_t part_q28 = part_of(within_i32(off_q15, OFF_MAX_Q15) * LEARN, step_q16);
-  for (uint32_t k = 0; k < PAIRS - 1u; k++) {
-    e->more_q28[k] = within_i32(e->more_q28[k] + part_of(part_q28, share_q16[k] - THIRD_Q16), MORE_MAX_Q28);
-  }
-  e->more_q28[PAIRS - 1u] = -(e->more_q28[0] + e->more_q28[1]);
-}
-
-// The tick whose mean current is known now. share: of both ticks.
-static void see(pair_emf_t *e, int32_t filter_shift, int32_t *share_q16) {
-  const int32_t shift = (e->ticks < TICKS_MIN) ? 0 : filter_shift;
-  e->seen.u_v_q25 += (e->told[1].u_v_q25 - e->seen.u_v_q25) >> shift;
-  for (uint32_t k = 0; k < PAIRS - 1u; k++) {
-    const int32_t before_q24 = e->seen.share_q24[k];
-    e->seen.share_q24[k] += (e->told[1].share_q24[k] - before_q24) >> shift;
-    share_q16[k] = (e->seen.share_q24[k] + before_q24) >> 9;
+// To a pair, half of it from each other one: their mean stays 0.
+static void share_out(pair_emf_t *e, uint32_t pair, int32_t half_q20) {
+  for (uint32_t k = 0; k < PAIRS; k++) {
+    e->more_q20[k] += (k == pair) ? 2 * half_q20 : -half_q20;
   }
 }
 
-SHARED void pair_emf_step(pair_emf_t *e, const pair_emf_gains_t *gains, const pair_emf_tick_t *told, int32_t emf_v_q25,
-                          int32_t i_q25, int32_t filter_shift, int32_t step_q16) {
-  const int32_t before_v_q25 = e->seen.u_v_q25;
-  const int32_t rise_i_q25 = i_q25 - e->i_q25;
-  const int32_t both_i_q25 = i_q25 - rise_i_q25 / 2;
-  int32_t share_q16[PAIRS - 1u];
-  see(e, filter_shift, share_q16);
-  e->told[1] = e->told[0];
-  e->told[0] = *told;
-  e->i_q25 = i_q25;
-  if (e->ticks < TICKS_MIN) {
-    e->ticks++;
-    e->mean_i_q25 = i_q25;
-    e->rest_v_q25 = 0;
+// The sector that ended.
+COLD static void close_sector(pair_emf_t *e, const pair_emf_gains_t *gains, int32_t emf_v_q25) {
+  // Without an EMF nothing of it stands apart: a ramp may run ahead of a rotor that has nearly stopped.
+  if (e->ticks < TICKS_MIN || emf_v_q25 <= 0) {
+    e->sectors = 0;
     return;
   }
-  const int32_t swing_i_q25 = both_i_q25 - e->mean_i_q25;
-  e->mean_i_q25 += part_of(swing_i_q25, step_q16) / SWING_SHARE;
-  const int32_t swung_v_q25 = e->swing_v_q25 + gain_apply(swing_i_q25, gains->spring);
-  e->swing_v_q25 = within_i32(swung_v_q25 - part_of(e->swing_v_q25, step_q16) / SWING_SHARE, PRODUCT_MAX / 4);
-  // Without an EMF nothing of it stands apart: a ramp may run ahead of a rotor that has nearly stopped.
-  if (emf_v_q25 > 0) {
-    const int32_t u_v_q25 = (e->seen.u_v_q25 + before_v_q25) / 2;
-    const int32_t drop_v_q25 = gain_apply(both_i_q25, gains->resistance) + gain_apply(rise_i_q25, gains->inductance);
-    learn(e, u_v_q25 - drop_v_q25 - e->swing_v_q25 - emf_v_q25, emf_v_q25, share_q16, step_q16);
+  const int32_t ticks = (int32_t)(e->ticks - TICKS_LEFT_OUT);
+  const int32_t rise_v_q17 = gain_apply(e->last_i_q25 - e->first_i_q25, gains->inductance) / 256;
+  const int32_t v_q17 = (e->sum_v_q17 - rise_v_q17) / ticks;
+  const int32_t i_q17 = e->sum_i_q17 / ticks;
+  if (e->sectors < 2u) {
+    e->sectors++;
+    e->mean_i_q25 = i_q17 * 256;
+  } else {
+    const int32_t apart_v_q17 = within_i32(e->sector_v_q17[0] - (e->sector_v_q17[1] + v_q17) / 2, APART_MAX_Q17);
+    const int32_t apart_q20 = (apart_v_q17 * (1 << LEARN_SHIFT)) / ((emf_v_q25 >> EMF_SHIFT) + 1);
+    share_out(e, (e->commutations + PAIRS - 1u) % PAIRS, apart_q20);
+    e->mean_i_q25 = (e->sector_i_q17[0] + e->sector_i_q17[1] + i_q17) / 3 * 256;
   }
+  e->sector_v_q17[1] = e->sector_v_q17[0];
+  e->sector_i_q17[1] = e->sector_i_q17[0];
+  e->sector_v_q17[0] = v_q17;
+  e->sector_i_q17[0] = i_q17;
+  e->swing_v_q25 -= e->swing_v_q25 / 8;
 }
 
-void pair_emf_pause(pair_emf_t *e) {
+HOT void pair_emf_step(pair_emf_t *e, const pair_emf_gains_t *gains, int32_t u_v_q25, int32_t emf_v_q25, int32_t i_q25,
+                       int32_t filter_shift, uint32_t commutations) {
+  e->seen_v_q25 += (e->u_v_q25[1] - e->seen_v_q25) >> filter_shift;
+  e->u_v_q25[1] = e->u_v_q25[0];
+  e->u_v_q25[0] = u_v_q25;
+  e->swing_v_q25 = within_i32(e->swing_v_q25 + gain_apply(i_q25 - e->mean_i_q25, gains->spring), PRODUCT_MAX / 4);
+  if (commutations != e->commutations) {
+    close_sector(e, gains, emf_v_q25);
+    e->commutations = commutations;
+    e->ticks = 0;
+    e->sum_v_q17 = 0;
+    e->sum_i_q17 = 0;
+    return;
+  }
+  e->ticks++;
+  if (e->ticks <= TICKS_LEFT_OUT) {
+    e->first_i_q25 = i_q25;
+    return;
+  }
+  e->last_i_q25 = i_q25;
+  e->sum_v_q17 += (e->seen_v_q25 - gain_apply(i_q25, gains->resistance) - e->swing_v_q25) / 256;
+  e->sum_i_q17 += i_q25 / 256;
+}
+
+HOT void pair_emf_pause(pair_emf_t *e) {
+  e->sectors = 0;
   e->ticks = 0;
+  e->sum_v_q17 = 0;
+  e->sum_i_q17 = 0;
   e->swing_v_q25 = 0;
 }
-SMALL_CODE_END

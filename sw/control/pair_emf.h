@@ -2,14 +2,14 @@
 // SPDX-License-Identifier: Apache-2.0
 
 // What the EMF of each conducting pair has more than the mean of the three: phases of unequal flux would else make the
-// current, and a light rotor's speed, swing twice a turn. From the means over the last two ticks, in sectors of any length:
+// current, and a light rotor's speed, swing twice a turn. From the mean over the sector, of current and of the voltage
+// without its part for the pair:
 //
-//   v   = u - R i - L di/dt - k_e^2/J * integral of (i - mean i) - e     the last but one: the rotor swings with the current
-//   off = v - rest - e * sum of share_p more_p             share_p: of those ticks in which pair p conducted
-//   rest += step off / 3,  more_p += 3/32 step (share_p - 1/3) off / e   step: a tick over the sector
+//   v = u - R i - L di/dt - k_e^2/J * integral of (i - mean i)      the last term: the rotor swings with the current
+//   m = v of the sector - mean v of the sectors beside it           what falls or rises over all three cancels
+//   more += m / 16, of the two others -= m / 32                     until m is 0: a lag or a wrong L only delays it
 //
-// The current comes through a filter, so voltage and shares take the same one. What all pairs have in common is the rest's.
-// As shares of the mean EMF e: the speed changes.
+// As shares of the mean: the speed changes.
 #ifndef FL_PAIR_EMF_H
 #define FL_PAIR_EMF_H
 
@@ -25,32 +25,30 @@ typedef struct {
   gain_t spring;      // i_q25 -> v_q25: k_e^2/J times a tick
 } pair_emf_gains_t;
 
-// A tick: its voltage, and its shares of the first two pairs; the whole tick is 2^24.
 typedef struct {
-  int32_t u_v_q25;
-  int32_t share_q24[PAIRS - 1u];
-} pair_emf_tick_t;
-
-typedef struct {
-  int32_t more_q28[PAIRS];  // over the mean EMF, their sum is 0; by commutations modulo 3
-  pair_emf_tick_t told[2];  // applied when the next tick has begun
-  pair_emf_tick_t seen;     // as the filter of the current would show it
-  int32_t i_q25;
-  int32_t mean_i_q25;
+  int32_t more_q20[PAIRS];    // over the mean EMF; by commutations modulo 3
+  int32_t u_v_q25[2];         // told before: it is applied when the next tick has begun
+  uint32_t commutations;
+  uint32_t sectors;           // seen in a row, at most 2
+  uint32_t ticks;             // seen of this one
+  int32_t seen_v_q25;         // the voltage behind the same filter
+  int32_t sum_v_q17;
+  int32_t sum_i_q17;
+  int32_t first_i_q25;
+  int32_t last_i_q25;
   int32_t swing_v_q25;
-  int32_t rest_v_q25;
-  uint32_t ticks;           // seen in a row, at most 3
+  int32_t sector_v_q17[2];    // of the sectors before, the last one first
+  int32_t sector_i_q17[2];
+  int32_t mean_i_q25;
 } pair_emf_t;
 
-// A tick of a pair, with other_q16 of it, 0 to 1, of another pair. pair, other: commutations modulo 3.
-pair_emf_tick_t pair_emf_tick(int32_t u_v_q25, uint32_t pair, uint32_t other, int32_t other_q16);
+// Once a tick, while a sector lasts a few. u: told in this tick, without more and the EMF's shape; emf: mean of the pairs;
+// i: of the pair, behind a filter that takes this shift of what is new; commutations: counted so far. About 120 clocks, more
+// after a commutation, with a division.
+void pair_emf_step(pair_emf_t *e, const pair_emf_gains_t *gains, int32_t u_v_q25, int32_t emf_v_q25, int32_t i_q25,
+                   int32_t filter_shift, uint32_t commutations);
 
-// Once a tick. told: in this tick, without what the EMF's roundness adds; emf: mean of the pairs; i: of the pair, behind a
-// filter that takes a part of 2^-filter_shift of what is new; step: 0 to 1. About 330 clocks.
-void pair_emf_step(pair_emf_t *e, const pair_emf_gains_t *gains, const pair_emf_tick_t *told, int32_t emf_v_q25,
-                   int32_t i_q25, int32_t filter_shift, int32_t step_q16);
-
-// Nothing is learnt in this tick, nor from the next three.
+// Nothing is learnt in this tick: what was seen of the sector does not count.
 void pair_emf_pause(pair_emf_t *e);
 
 #endif

@@ -23,8 +23,6 @@
 #define ROUND_Q16 36608
 #define ROUND_STEP_MAX_Q16 8192
 #define ROUND_STEP_MAX_FIRM_Q16 16384
-// A tick with its commutation, over the sector, in which pairs are told apart.
-#define PAIR_STEP_MAX_Q16 49152
 // Voltage at the end of a sector that unequal fluxes add, over the difference of the pairs beside it: pi / (3 sqrt 3).
 #define LEAN_Q16 39622
 // What is left of the pairs' difference at their commutation: 1 - pi / (6 sqrt 3).
@@ -238,17 +236,13 @@ static void schedule_speed(regulate_t *r, const six_step_view_t *view, const pwm
   g->sector_rpm_q20 = sat_i32(((int64_t)view->m->speed_rpm_q8 * view->m->place_step_q16) >> (4 + SECTOR_UP_SHIFT));
 }
 
-// The speed goes so little that what is measured now belongs to it.
-static bool rests(const regulate_t *r, const measured_t *m) {
-  return abs_sat(r->rotor_rpm_q8 - r->lagged_rpm_q8) < m->speed_rpm_q8 / FLUX_REST;
-}
-
 // By how much the flux of the file is wrong, from what the current regulator has added while the speed rests and little of it was
 // for currents: on a ramp that part grows with the speed.
 static void schedule_flux(regulate_t *r, const six_step_view_t *view) {
   const int32_t emf_v_q25 = view->m->emf_v_q25;
   const int32_t drop_v_q25 = gain_apply(abs_sat(view->m->line_i_q25), r->scheduled.resistance);
-  if (rests(r, view->m) && drop_v_q25 < emf_v_q25 / FLUX_LOOK) {
+  const bool rests = abs_sat(r->rotor_rpm_q8 - r->lagged_rpm_q8) < view->m->speed_rpm_q8 / FLUX_REST;
+  if (rests && drop_v_q25 < emf_v_q25 / FLUX_LOOK) {
     const int32_t added_v_q25 = clamp_i32(r->current_pi.integral_q5 >> PI_INTEGRAL_BITS, -emf_v_q25, emf_v_q25);
     r->scheduled.flux_q12 = clamp_i32(added_v_q25 * 16 / (emf_v_q25 / 256 + 1), -FLUX_MAX_Q12, FLUX_MAX_Q12);
   }
@@ -466,13 +460,11 @@ HOT static int32_t braking_bound(const regulate_t *r, const six_step_view_t *vie
 
 // Where in a sector the voltage of this tick is applied, one to two ticks from now.
 typedef struct {
-  uint32_t pair;       // of the middle of that tick, by commutations modulo 3
+  uint32_t pair;       // of the middle of that tick
   int32_t y_q16;       // that middle, from the one of the sector, in parts of it
   int32_t beyond_q16;  // what of the tick lies beyond the nearer commutation, in parts of the sector
   int32_t share_q16;   // and of the tick
 } spot_t;
-
-static uint32_t pair_after(uint32_t pair) { return (pair == PAIRS - 1u) ? 0u : pair + 1u; }
 
 SMALL_CODE_BEGIN
 static spot_t spot_of(const regulate_t *r, const measured_t *m) {
@@ -483,9 +475,9 @@ static spot_t spot_of(const regulate_t *r, const measured_t *m) {
   const int32_t step_q16 = m->place_step_q16 + m->place_step_q16 * more_q12 / 4096;
   const int32_t place_q16 = m->place_q16 + m->place_q16 * more_q12 / 4096;
   const int32_t y_q16 = place_q16 + step_q16 * 3 / 2 - ONE_Q16 / 2;
-  const uint32_t sectors = (uint32_t)clamp_i32(y_q16 + ONE_Q16 / 2, 0, 5 * ONE_Q16 / 2) >> 16;  // to come
-  spot_t spot = {(m->commutations + sectors) % PAIRS, 0, 0, 0};
-  spot.y_q16 = clamp_i32(y_q16 - (int32_t)(sectors << 16), -ONE_Q16 / 2, ONE_Q16 / 2);
+  const bool next = y_q16 > ONE_Q16 / 2;
+  spot_t spot = {m->commutations + (next ? 1u : 0u), 0, 0, 0};
+  spot.y_q16 = clamp_i32(y_q16 - (next ? ONE_Q16 : 0), -ONE_Q16 / 2, ONE_Q16 / 2);
   const int32_t beyond_q16 = abs_sat(spot.y_q16) + step_q16 / 2 - ONE_Q16 / 2;
   if (beyond_q16 > 0) {
     spot.beyond_q16 = beyond_q16;
@@ -503,54 +495,25 @@ static int32_t rounding_v_q25(int32_t emf_v_q25, const spot_t *spot) {
 // The same of this pair beside the others: of unequal fluxes. A sinusoidal pair leans on the flux that it has in common with
 // the last one at first, with the next one at last.
 static int32_t pair_v_q25(const regulate_t *r, int32_t emf_v_q25, const spot_t *spot, bool sinusoidal) {
-  const int32_t own_q28 = r->pair_emf.more_q28[spot->pair];
-  const int32_t next_q28 = r->pair_emf.more_q28[pair_after(spot->pair)];
-  const int32_t last_q28 = -own_q28 - next_q28;
-  const int32_t other_q28 = ((spot->y_q16 > 0) ? next_q28 : last_q28) - own_q28;
+  const int32_t own_q20 = r->pair_emf.more_q20[spot->pair % PAIRS];
+  const int32_t next_q20 = r->pair_emf.more_q20[(spot->pair + 1u) % PAIRS];
+  const int32_t last_q20 = r->pair_emf.more_q20[(spot->pair + 2u) % PAIRS];
+  const int32_t other_q20 = ((spot->y_q16 > 0) ? next_q20 : last_q20) - own_q20;
   const int32_t lean_q16 = sinusoidal ? mul_q16(spot->y_q16, LEAN_Q16) : 0;
   const int32_t beyond_q16 = mul_q16(spot->share_q16, sinusoidal ? STEP_Q16 : ONE_Q16);
-  const int32_t more_q28 = own_q28 + mul_q16(next_q28 - last_q28, lean_q16) + mul_q16(other_q28, beyond_q16);
-  return mul_q16(emf_v_q25, more_q28 / 4096);
+  return mul_q16(emf_v_q25, own_q20 + mul_q16(next_q20 - last_q20, lean_q16) + mul_q16(other_q20, beyond_q16)) / 16;
 }
 
-// What a tick has more than the mean of the pairs.
-typedef struct {
-  spot_t spot;
-  int32_t round_v_q25;
-  int32_t pair_v_q25;
-  bool by_pair;
-} shape_t;
-
-// Where a sector has only few ticks the inductance evens the EMF's rounding out.
-__attribute__((noinline)) static shape_t shape_of(const regulate_t *r, const six_step_view_t *view, int32_t emf_v_q25) {
+// Both. Where a sector has only few ticks the inductance evens the EMF out.
+__attribute__((noinline)) static int32_t shape_v_q25(const regulate_t *r, const six_step_view_t *view, int32_t emf_v_q25,
+                                                     bool by_pair) {
   const bool sinusoidal = view->p->zcd_linear == 0;
-  const bool firm = is_firm(view->settings);
-  const int32_t step_q16 = view->m->place_step_q16;
-  const bool rounded = sinusoidal && step_q16 <= (firm ? ROUND_STEP_MAX_FIRM_Q16 : ROUND_STEP_MAX_Q16);
-  shape_t shape = {{0, 0, 0, 0}, 0, 0, firm && step_q16 <= PAIR_STEP_MAX_Q16};
-  if (rounded || shape.by_pair) {
-    shape.spot = spot_of(r, view->m);
+  if (!by_pair && view->m->place_step_q16 > ROUND_STEP_MAX_Q16) {
+    return 0;
   }
-  if (rounded) {
-    shape.round_v_q25 = rounding_v_q25(emf_v_q25, &shape.spot);
-  }
-  if (shape.by_pair) {
-    shape.pair_v_q25 = pair_v_q25(r, emf_v_q25, &shape.spot, sinusoidal);
-  }
-  return shape;
-}
-
-// The voltage told and what it did two ticks later.
-static void learn_pairs(regulate_t *r, const six_step_view_t *view, const shape_t *shape, int32_t u_v_q25,
-                        int32_t emf_v_q25) {
-  const parameters_t *p = view->p;
-  const measured_t *m = view->m;
-  const spot_t *spot = &shape->spot;
-  const pair_emf_gains_t gains = {{p->resistance_low, p->resistance_shift + 8}, p->pair_inductance, p->pair_spring};
-  const uint32_t next = pair_after(spot->pair);
-  const uint32_t other = (spot->y_q16 > 0) ? next : PAIRS - spot->pair - next;
-  const pair_emf_tick_t tick = pair_emf_tick(u_v_q25 - shape->round_v_q25, spot->pair, other, spot->share_q16);
-  pair_emf_step(&r->pair_emf, &gains, &tick, emf_v_q25, m->line_i_q25, p->loop_filter_shift, m->place_step_q16);
+  const spot_t spot = spot_of(r, view->m);
+  const int32_t round_v_q25 = sinusoidal ? rounding_v_q25(emf_v_q25, &spot) : 0;
+  return round_v_q25 + (by_pair ? pair_v_q25(r, emf_v_q25, &spot, sinusoidal) : 0);
 }
 SMALL_CODE_END
 
@@ -563,8 +526,9 @@ HOT static int32_t voltage_step(regulate_t *r, const pwm_t *pwm, const six_step_
   const scheduled_t *g = &r->scheduled;
   const limiter_gains_t gains = {p->limiter_kp, p->limiter_ki};
   const int32_t mean_v_q25 = emf_now_v_q25(r, view);
-  const shape_t shape = shape_of(r, view, mean_v_q25);
-  const int32_t emf_v_q25 = mean_v_q25 + shape.round_v_q25 + shape.pair_v_q25;
+  const bool by_pair = m->place_step_q16 <= ROUND_STEP_MAX_FIRM_Q16 && is_firm(view->settings);
+  const int32_t more_v_q25 = shape_v_q25(r, view, mean_v_q25, by_pair);
+  const int32_t emf_v_q25 = mean_v_q25 + more_v_q25;
   // The integral knows by how much the EMF is wrong: of flux and temperature.
   const int32_t trimmed_v_q25 = emf_v_q25 + (r->current_pi.integral_q5 >> PI_INTEGRAL_BITS);
   // The magnitude of a braking current has its own limit.
@@ -609,8 +573,10 @@ HOT static int32_t voltage_step(regulate_t *r, const pwm_t *pwm, const six_step_
     r->limit = LIMIT_SLEW;
   }
   limiter_update(&r->limiter, &gains, g->resistive_v_q25, margin_q17, above);
-  if (shape.by_pair && rests(r, m)) {
-    learn_pairs(r, view, &shape, output, mean_v_q25);
+  if (by_pair) {
+    const pair_emf_gains_t pair = {{p->resistance_low, p->resistance_shift + 8}, p->pair_inductance, p->pair_spring};
+    pair_emf_step(&r->pair_emf, &pair, output - more_v_q25, mean_v_q25, m->line_i_q25, p->loop_filter_shift,
+                  m->commutations);
   } else {
     pair_emf_pause(&r->pair_emf);
   }
