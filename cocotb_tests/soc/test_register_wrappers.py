@@ -73,8 +73,8 @@ IDLE: dict[str, int | None] = {
     "sys.time_now": NOW,
     "uart.status": 1 | 4,
 }
-# What goes on by itself once settings are random.
-MOVING = ("safety.gates", "timer.tick_count", "timer.tick_time", "timer.update", "uart.status")
+# What goes on by itself once settings are random; the monitor by watchdogs whose time is up (seed 1796049089).
+MOVING = ("safety.gates", "safety.monitor", "timer.tick_count", "timer.tick_time", "timer.update", "uart.status")
 INPUTS = {"now_i": NOW, "rx_i": 1}  # idle, where it is not 0
 SETTLE_CLOCKS = 100  # longer than the glitch filters
 ALL_LANES = 0xF
