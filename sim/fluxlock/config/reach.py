@@ -160,7 +160,8 @@ def _six_step_current(s: Scenario, point: Point) -> str:
     if need_a <= FREEWHEEL_TOLERANCE * visible_a:
         return ""
     helps = "a higher supply_v" if s.drive.pattern == "ON-PWM" else 'drive.pattern = "ON-PWM"'
-    if not _computes_back(s):
+    # In shorter sectors crossings are not computed back in time either.
+    if not _computes_back(s) and FREEWHEEL_SECTOR / (6 * s.motor.electrical_hz(point.speed_rpm)) >= FREEWHEEL_ROOM_S:
         helps += " or drive.zcd.compute_back = true"
     return f"needs {need_a:.3g} A, but freewheeling hides the crossing above {visible_a:.3g} A ({helps} helps)"
 
