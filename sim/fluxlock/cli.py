@@ -365,36 +365,55 @@ app.command(
 
 @app.command(
     rich_help_panel=MOTOR,
-    epilog=example("fluxlock identify --plant motors/motor-1.toml --inverter inverters/bench-25v.toml"),
+    epilog=example(
+        "fluxlock identify --plant motors/motor-1.toml --inverter inverters/bench-25v.toml",
+        "fluxlock identify --plant motors/spindle-2pp.toml --inverter inverters/drive-48v.toml --port /dev/ttyUSB0",
+    ),
 )
 def identify(
     plant: Annotated[Path, typer.Option(help="Motor file of the machine on the bench; the tool reads its name plate.")],
     inverter: Annotated[Path, typer.Option(help="Inverter file.")],
+    port: Annotated[
+        Path | None,
+        typer.Option(help="Serial port of a board, for example /dev/ttyUSB0, in place of the simulated bench."),
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="Motor file to write, default build/identify/<plant>.toml.")] = None,
+    set_: SetOption = None,
     seed: SeedOption = None,
     current_hz: Annotated[float, typer.Option(min=1.0, max=20e3, help="Bandwidth of the current gains, Hz.")] = 800.0,
     speed_hz: Annotated[float, typer.Option(min=0.1, max=2e3, help="Bandwidth of the speed gains, Hz.")] = 20.0,
+    wait_s: Annotated[
+        float | None, typer.Option(min=0.1, help="With --port: how long to wait for the loader, s, default 60.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Measure a machine through the chip, write its motor file.
 
-    Resistance, inductance on d and q, flux, dead-time voltage, inertia and friction. The bench is simulated; known are
-    the name plate (pole pairs, rated current, highest speed) and the inverter file.
+    Resistance, inductance on d and q, flux, dead-time voltage, inertia and friction. Known are the name plate (pole
+    pairs, rated current, highest speed) and the inverter file. The bench is simulated, or with `--port` a real one: its
+    board gets the commissioning program in place of the drive (reset it while the command waits), the shaft has to turn
+    freely, and `fluxlock flash` brings the drive back.
     """
     from fluxlock.commission.bench import bench_of
 
-    bench = bench_of(plant, inverter)
+    for option, value, real in (("--wait-s", wait_s, True), ("--seed", seed, False)):
+        if value is not None and real != (port is not None):
+            text = f"has an effect {'with' if real else 'without'} --port only: leave it out"
+            raise ConfigError([Problem(option, str(value), text)])
+    bench = bench_of(plant, inverter, set_ or ())
     path = out if out is not None else RESULTS / "identify" / f"{plant.stem}.toml"
     if path.suffix != ".toml":
         raise ConfigError([Problem("--out", str(path), "must be a file name that ends in .toml")])
     if path.resolve() in (plant.resolve(), inverter.resolve()):
         raise ConfigError([Problem("--out", str(path), "is one of the files that are read; name another file")])
     # Simulator and Matplotlib are slow to import and not needed by the other commands.
+    from fluxlock.commission.command import Board
     from fluxlock.commission.command import identify as run_identify
     from fluxlock.cosim.plan import ConversationError
 
+    where = Board(port, 60.0 if wait_s is None else wait_s) if port is not None else 1 if seed is None else seed
     try:
-        passed = run_identify(bench, path, 1 if seed is None else seed, current_hz, speed_hz, as_json)
+        passed = run_identify(bench, path, where, current_hz, speed_hz, as_json)
     except (ConversationError, SimulationFault) as error:
         _fail([f"identify: {error}"])
     if not passed:

@@ -143,7 +143,7 @@ class AveragedBench:
         ticks, block = 0, 1
         while words:
             letter = words.pop(0)
-            count = {"o": 0, "a": 1, "g": 4, "s": 3}.get(letter, 2)
+            count = {"o": 0, "a": 1, "t": 1, "g": 4, "s": 3}.get(letter, 2)
             numbers = [int(words.pop(0)) for _ in range(count)]
             if letter in "ovi":
                 self.mode = letter
@@ -151,7 +151,7 @@ class AveragedBench:
                 self.angle += numbers[0] / 2**32 * 2 * math.pi
             elif letter == "r":
                 ticks, block = numbers
-            elif letter != "s":
+            elif letter not in "st":
                 self.values[letter] = numbers
         return [*(self.block(block) for _ in range(ticks // block)), "ok"]
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,16 +18,27 @@ from rich.table import Table
 from fluxlock.base.paths import RESULTS
 from fluxlock.base.progress import Bars
 from fluxlock.base.stage import ProgressInfo
-from fluxlock.commission.report import Gain, Quantity, figure, gains, motor_file, quantities, verdict, write_motor
+from fluxlock.commission.board import measure_on_board
+from fluxlock.commission.report import (
+    Gain,
+    Quantity,
+    beside_the_file,
+    figure,
+    gains,
+    motor_file,
+    quantities,
+    verdict,
+    write_motor,
+)
 from fluxlock.commission.simulate import Measured, known_of, measure, plate_of
 from fluxlock.config import ConfigError, Problem, Scenario
 from fluxlock.results.verdict import say
 from fluxlock.theory.six_step.plots import save
 
 
-def _table(found: list[Quantity]) -> Table:
+def _table(found: list[Quantity], reference: str) -> Table:
     table = Table(title="measured through the chip", title_justify="left")
-    for header in ("quantity", "measured", "plant", "error", "unit"):
+    for header in ("quantity", "measured", reference, "error" if reference == "plant" else "off it", "unit"):
         table.add_column(header, justify="left" if header in ("quantity", "unit") else "right")
     for q in found:
         error = q.error_percent
@@ -49,34 +61,45 @@ def _gain_table(found: list[Gain]) -> Table:
     return table
 
 
-def identify(bench: Scenario, out: Path, seed: int, current_hz: float, speed_hz: float, as_json: bool) -> bool:
+@dataclass(frozen=True)
+class Board:
+    """A real bench: its serial port, and how long to wait for its reset."""
+
+    port: Path
+    wait_s: float
+
+
+def identify(
+    bench: Scenario, out: Path, where: Board | int, current_hz: float, speed_hz: float, as_json: bool = False
+) -> bool:
     """Measure, print, write OUT (motor file) and a PNG beside it; the simulator's files go to build/identify/NAME.
 
-    False: the measurement cannot be vouched for.
+    where: a board, or the seed of a simulated bench. False: the measurement cannot be vouched for.
     """
     known_of(bench)  # refuses a bench before anything is written
     folder = RESULTS / "identify" / out.stem
     _check_writable(out, folder)
-    measured = _measure(bench, folder, seed)
+    measured = _measure(bench, folder, where)
     plate = plate_of(bench.motor)
     found = quantities(measured.values, bench.inverter.on_resistance_ohm, bench.motor)
     derived = gains(measured.values, plate, current_hz, speed_hz)
-    origin = (
-        f"Measured by fluxlock identify with the inverter {bench.inverter.name}, "
-        f"{measured.duration_s:.2f} s of chip time, seed {seed}."
-    )
+    if isinstance(where, Board):
+        time_text, judged = f"{measured.duration_s:.2f} s", beside_the_file(found)
+    else:
+        time_text, judged = f"{measured.duration_s:.2f} s of chip time, seed {where}", verdict(found)
+    origin = f"Measured by fluxlock identify with the inverter {bench.inverter.name}, {time_text}."
     write_motor(out, motor_file(measured.values, plate, bench.inverter, origin))
     save(figure(measured.values, f"{plate.name} on {bench.inverter.name}"), out.with_suffix(".png"))
-    judged = verdict(found)
     if as_json:
-        print(json.dumps({"verdict": judged.as_json(), **_document(measured, found, derived, seed)}, indent=2))
+        print(json.dumps({"verdict": judged.as_json(), **_document(measured, found, derived, where)}, indent=2))
         say(judged, quiet=True)
         return judged.passed
     say(judged)
     console = Console()
-    console.print(_table(found))
+    console.print(_table(found, "file" if isinstance(where, Board) else "plant"))
     console.print(_gain_table(derived))
-    console.print(f"{measured.duration_s:.3f} s of chip time in {measured.wall_s:.0f} s", highlight=False)
+    if not isinstance(where, Board):
+        console.print(f"{measured.duration_s:.3f} s of chip time in {measured.wall_s:.0f} s", highlight=False)
     console.print(f"written: {out}, {out.with_suffix('.png').name}", highlight=False, soft_wrap=True)
     return judged.passed
 
@@ -95,7 +118,7 @@ def _check_writable(out: Path, folder: Path) -> None:
         raise ConfigError([Problem("--out", str(out), f"cannot be written: {reason}; name another file")])
 
 
-def _measure(bench: Scenario, folder: Path, seed: int) -> Measured:
+def _measure(bench: Scenario, folder: Path, where: Board | int) -> Measured:
     columns = (
         TextColumn("{task.description:<13}"),
         BarColumn(),
@@ -109,12 +132,15 @@ def _measure(bench: Scenario, folder: Path, seed: int) -> Measured:
             part = info.t_s / info.duration_s if info.duration_s else 0.0
             bar.update(task, description=info.phase, completed=part, t_s=info.t_s, speed=info.speed_rpm)
 
-        return measure(bench, folder, seed, show)
+        if isinstance(where, Board):
+            return measure_on_board(bench, where.port, where.wait_s, show)
+        return measure(bench, folder, where, show)
 
 
-def _document(measured: Measured, found: list[Quantity], derived: list[Gain], seed: int) -> dict[str, Any]:
+def _document(measured: Measured, found: list[Quantity], derived: list[Gain], where: Board | int) -> dict[str, Any]:
     return {
-        "seed": seed,
+        "port": str(where.port) if isinstance(where, Board) else None,
+        "seed": None if isinstance(where, Board) else where,
         "duration_s": measured.duration_s,
         "measured": {k: v for k, v in measured.values.items() if k not in ("run", "lines")},
         "plant": {q.name: q.true for q in found},

@@ -24,6 +24,7 @@ from fluxlock.config.motor import RPM_PER_RAD_S
 
 Dialogue = Generator[str, list[str], Any]
 
+PATIENCE_S = 3.0  # of the program with a silent host
 BLOCK_S = 1e-3
 AXES_DEG = (0.0, 60.0, 120.0)  # along A, against C, along B
 ALIGN_SHARE = 0.6  # of the highest current
@@ -86,6 +87,7 @@ class Commissioning:
             raise
 
     def _measure(self) -> Dialogue:
+        yield f"o {self.scales.patience(PATIENCE_S)}"
         yield f"{self.scales.scale()} v 0 0 r 80 80"
         above = yield from self._approach()
         winding, resistance, falls = yield from self._windings(above)

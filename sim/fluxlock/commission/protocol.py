@@ -147,6 +147,10 @@ class Scales:
         turn = round(angle_deg / 360.0 * Q32) % 2**32
         return f"a {turn - 2**32 if turn >= 2**31 else turn}"
 
+    def patience(self, seconds: float) -> str:
+        """Gates off after a silence of the host."""
+        return f"t {round(seconds / self.tick_s)}"
+
     def run(self, duration_s: float, block_s: float) -> str:
         """Measure for a time in blocks; both are rounded to whole ones, a block to whole periods of four ticks."""
         block = min(512, 4 * max(1, round(block_s / self.tick_s / 4)))

@@ -26,6 +26,8 @@ PHASE_SPREAD, SALIENCY = 0.03, 0.05
 # What a measurement may be off the plant's value, by the name of the quantity, per cent.
 VOUCHED_PERCENT = {"R winding + switch, mean": 3.0, "L d": 3.0, "L q": 3.0, "flux": 3.0, "inertia": 10.0}
 
+FILE_PERCENT = 20.0  # what a data sheet may be off
+
 
 @dataclass(frozen=True)
 class Quantity:
@@ -97,6 +99,17 @@ def verdict(found: Sequence[Quantity]) -> Verdict:
     return Verdict(
         not lines, lines or [f"off the plant: {text}" if judged else "measured; there is no plant to compare"]
     )
+
+
+def beside_the_file(found: Sequence[Quantity]) -> Verdict:
+    """Of a real machine: what was measured, and what of it the file of its name plate states otherwise."""
+    off = [
+        f"{q.name} {q.error_percent:+.0f} %"
+        for q in found
+        if q.name in VOUCHED_PERCENT and q.error_percent is not None and abs(q.error_percent) > FILE_PERCENT
+    ]
+    text = f"off its file by more than {FILE_PERCENT:g} %: {', '.join(off)}" if off else "as its file says"
+    return Verdict(True, [f"measured; {text}"])
 
 
 @dataclass(frozen=True)

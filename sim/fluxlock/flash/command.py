@@ -25,7 +25,9 @@ from fluxlock.config.drive import MotorError
 from fluxlock.generate.memory import RAM_BYTES
 
 if TYPE_CHECKING:
+    from fluxlock.flash.image import Plan
     from fluxlock.flash.loader import Line
+    from fluxlock.flash.serial_port import SerialPort
 
 EXIT_FAILED = 1
 # Converters of the boards (fl_board): strobe to valid codes, and the least spacing of strobes.
@@ -34,11 +36,41 @@ SPACING_S = 36 / CLOCK_HZ
 
 
 @contextmanager
+def open_port(port: Path) -> Iterator[SerialPort]:
+    """The serial port that `--port` names. Raises ConfigError."""
+    from fluxlock.flash.serial_port import PortError, SerialPort
+
+    if not os.access(port, os.R_OK | os.W_OK) or not port.is_char_device():
+        raise ConfigError([Problem("--port", str(port), "is not a serial port that you may read and write")])
+    try:
+        opened = SerialPort(port)
+    except PortError as error:
+        raise ConfigError([Problem("--port", str(port), str(error))]) from None
+    with opened:
+        yield opened
+
+
+def write_and_start(line: Line, steps: Plan, wait_s: float, console: Console) -> None:
+    """Write a program and its parameters through the loader, once it answers, and start it. Raises LoaderError."""
+    from fluxlock.flash.loader import Loader, LoaderError
+
+    loader = Loader(line)
+    console.print("waiting for the loader: reset the board", highlight=False)
+    version, identity = loader.find(wait_s)
+    console.print(f"loader {version}, flash {identity:06x}", highlight=False)
+    with counting_bars() as bar:
+        task = bar.add_task("write", total=None)
+        loader.upload(steps, lambda done, total: bar.update(task, completed=done, total=total))
+    if (found := loader.start()) != "good":
+        raise LoaderError(f"not started: {found}")
+    console.print(f"started; {len(steps.write)} pages written", highlight=False)
+
+
+@contextmanager
 def _line(port: Path | None, can: str | None, node: int | None, bit_rate: int | None) -> Iterator[Line]:
     """The line to the board that the options name."""
     from fluxlock.flash.can_line import KBIT_PER_S_DEFAULT, NODE_DEFAULT, CanLine, PythonCan
     from fluxlock.flash.loader import SerialLine
-    from fluxlock.flash.serial_port import PortError, SerialPort
 
     if can is not None:
         if port is not None:
@@ -52,21 +84,7 @@ def _line(port: Path | None, can: str | None, node: int | None, bit_rate: int | 
             raise ConfigError([Problem(option, str(value), f"has an effect with {CAN_OPTION} only")])
     if port is None:
         raise ConfigError([Problem("--port", "", f"is missing: a serial port, or {CAN_OPTION} INTERFACE:CHANNEL")])
-    if not os.access(port, os.R_OK | os.W_OK) or not port.is_char_device():
-        raise ConfigError(
-            [
-                Problem(
-                    "--port",
-                    str(port),
-                    "is not a serial port that you may read and write",
-                )
-            ]
-        )
-    try:
-        opened = SerialPort(port)
-    except PortError as error:
-        raise ConfigError([Problem("--port", str(port), str(error))]) from None
-    with opened as serial:
+    with open_port(port) as serial:
         yield SerialLine(serial)
 
 
@@ -145,7 +163,8 @@ def flash(
     """
     from fluxlock.cosim.parameters import check_parameters, parameter_block
     from fluxlock.flash.image import pack_can_setup, pack_image, plan
-    from fluxlock.flash.loader import Loader, LoaderError
+    from fluxlock.flash.loader import LoaderError
+    from fluxlock.flash.serial_port import PortError
 
     loaded = load_scenario(scenario, set_ or ())
     check_board(loaded)
@@ -154,21 +173,9 @@ def flash(
     bus = loaded.can
     setup = pack_can_setup(bus.node_id, bus.bit_rate_kbit_per_s) if bus is not None else b""
     steps = plan(image, parameter_block(loaded).pack(), setup)
-    console = Console()
     with _line(port, can, node, bit_rate) as line:
-        loader = Loader(line)
         try:
-            console.print("waiting for the loader: reset the board", highlight=False)
-            version, identity = loader.find(wait_s)
-            console.print(f"loader {version}, flash {identity:06x}", highlight=False)
-            with counting_bars() as bar:
-                task = bar.add_task("write", total=None)
-                loader.upload(steps, lambda done, total: bar.update(task, completed=done, total=total))
-            found = loader.start()
-        except LoaderError as error:
+            write_and_start(line, steps, wait_s, Console())
+        except (LoaderError, PortError) as error:
             print(f"failed: {error}", file=sys.stderr)
             raise typer.Exit(EXIT_FAILED) from None
-    if found != "good":
-        print(f"failed: not started: {found}", file=sys.stderr)
-        raise typer.Exit(EXIT_FAILED)
-    console.print(f"started; {len(steps.write)} pages written", highlight=False)

@@ -15,7 +15,7 @@ from types import TracebackType
 
 
 class PortError(RuntimeError):
-    """A port that cannot be opened or set up; the message says why."""
+    """A port that cannot be opened or set up, or that has gone; the message says why."""
 
 
 def _set_up(line: int) -> None:
@@ -51,17 +51,26 @@ class SerialPort:
         os.close(self._fd)
 
     def write(self, data: bytes) -> None:
-        """Send all of it."""
-        while data:
-            data = data[os.write(self._fd, data) :]
+        """Send all of it; PortError."""
+        try:
+            while data:
+                data = data[os.write(self._fd, data) :]
+        except OSError as error:
+            raise PortError(f"is gone: {error.strerror}") from None
 
     def read(self, count: int, timeout_s: float) -> bytes:
-        """Bytes that came, less than `count` of them if the time is over."""
+        """Bytes that came, less than `count` of them if the time is over; PortError."""
         data = b""
         end = time.monotonic() + timeout_s
         while len(data) < count:
             ready, _, _ = select.select([self._fd], [], [], max(0.0, end - time.monotonic()))
             if not ready:
                 break
-            data += os.read(self._fd, count - len(data))
+            try:
+                came = os.read(self._fd, count - len(data))
+            except OSError as error:
+                raise PortError(f"is gone: {error.strerror}") from None
+            if not came:
+                raise PortError("is gone: the cable is out")
+            data += came
         return data

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def _measure(scenario: Scenario, seed: int, port: Path | None, can: str | None, chip: bool, name: str) -> Measured:
-    from fluxlock.flash.serial_port import PortError, SerialPort
+    from fluxlock.flash.command import open_port
     from fluxlock.wiring.measure import on_board, on_bus, on_chip, on_twin
 
     if can is not None:
@@ -38,11 +38,8 @@ def _measure(scenario: Scenario, seed: int, port: Path | None, can: str | None, 
             return on_bus(scenario, opened, bus.node_id)
     if port is None:
         return on_chip(scenario, seed, RESULTS / f"{name}-wiring") if chip else on_twin(scenario, seed)
-    try:
-        with SerialPort(port) as opened:
-            return on_board(scenario, opened)
-    except PortError as error:
-        raise ConfigError([Problem("--port", str(port), str(error))]) from None
+    with open_port(port) as opened:
+        return on_board(scenario, opened)
 
 
 def _document(measured: Measured) -> dict[str, Any]:

@@ -11,6 +11,7 @@
 //   s MANTISSA SHIFT LIMIT modulator's scale, voltage limit v_q17
 //   a TURN                 frame ahead by this, 2^-32 turn
 //   f SPEED STEP           speed of the frame, 2^-44 turn a clock, and its step a tick
+//   t TICKS                gates off after so long without a line, 0: never; refuses segments then, until `o`
 //   r TICKS BLOCK          measure: a line `b ...` a block, in the order of block_t
 // What a line sets acts together when its end has come.
 #include "console/format.h"
@@ -120,12 +121,15 @@ static const char *tell(void) {
     const bool ended = segment.left_ticks == 0u;
     const bool waiting = segment.head != segment.tail;
     const uint8_t trip = segment.trip;
+    const bool forsaken = segment.forsaken;
     critical_leave(state);
     if (waiting) {
       put_block(&segment.block[segment.tail % BLOCKS]);
       segment.tail++;
     } else if (trip != 0u) {
       return "tripped";
+    } else if (forsaken) {
+      return "no line for too long; gates off";
     } else if (ended) {
       return segment.lost ? "blocks too short for the console" : 0;
     }
@@ -155,6 +159,7 @@ static uint32_t numbers_of(char command) {
     case 'o':
       return 0;
     case 'a':
+    case 't':
       return 1;
     case 'g':
       return 4;
@@ -195,6 +200,9 @@ static void apply(segment_settings_t *set, char command, const int32_t *n, int32
     case 'a':
       *turn_q32 = n[0];
       break;
+    case 't':
+      set->patience_ticks = (uint32_t)n[0];
+      break;
     default:
       set->target_turn_q44 = n[0];
       set->step_turn_q44 = n[1];
@@ -203,7 +211,7 @@ static void apply(segment_settings_t *set, char command, const int32_t *n, int32
 }
 
 static bool known(const char *word) {
-  static const char commands[] = "ovwigsafr";
+  static const char commands[] = "ovwigsatfr";
   for (uint32_t k = 0; commands[k] != '\0'; k++) {
     if (word[0] == commands[k] && word[1] == '\0') {
       return true;
@@ -240,6 +248,8 @@ static const char *execute(char *text) {
   }
   const uint32_t state = critical_enter();
   segment.set = set;
+  segment.silent_ticks = 0;
+  segment.forsaken = segment.forsaken && set.mode != SEGMENT_OFF;
   segment.turn_q32 += turn_q32;
   segment_run(&segment, (uint32_t)run[0], (uint32_t)run[1]);
   critical_leave(state);

@@ -90,8 +90,11 @@ void segment_step(segment_t *segment, const chip_snapshot_t *in) {
   if (segment->left_ticks > 0u) {
     measure(segment, in);
     segment->left_ticks--;
+    segment->silent_ticks = 0;
   }
-  const bool on = set->mode != SEGMENT_OFF && segment->trip == 0u;
+  segment->forsaken |= set->patience_ticks != 0u && segment->silent_ticks > set->patience_ticks;
+  const bool on = set->mode != SEGMENT_OFF && segment->trip == 0u && !segment->forsaken;
+  segment->silent_ticks = on ? segment->silent_ticks + 1u : 0u;
   segment->guard.fresh = segment->guard.fresh || segment->guard.enable != on;
   segment->guard.enable = on;
   c->control.enable = on;

@@ -33,6 +33,7 @@ typedef struct {
   uint32_t scale, scale_shift, limit_v_q17;
   int32_t target_turn_q44;  // 2^-44 turn a clock
   int32_t step_turn_q44;    // a tick
+  uint32_t patience_ticks;  // without a line, before the gates go off; 0: for ever
 } segment_settings_t;
 
 // Sums over a block; corner and middle: samples 0, 1 of the four of a period of s less those two ticks later.
@@ -59,6 +60,8 @@ typedef struct {
   uint32_t head, tail;
   bool lost;  // a block came while BLOCKS waited
   uint8_t trip;
+  uint32_t silent_ticks;  // driven without a segment
+  bool forsaken;          // for longer than the patience: off until the host has said so itself
   guard_command_t guard;
   vector_command_t command;
 } segment_t;
