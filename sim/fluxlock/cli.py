@@ -33,6 +33,7 @@ from fluxlock.config import ALLOW_OVERLOAD, ConfigError, Problem, Scenario
 from fluxlock.edge.cli import app as edge_app
 from fluxlock.edge.inverter_cli import app as inverter_app
 from fluxlock.export.command import export
+from fluxlock.first_start.command import first_start
 from fluxlock.flash.command import flash
 from fluxlock.help import BOARD, LIVE, MOTOR, RUN, THEORY, VERIFY, Grouped, complete_toml, example
 from fluxlock.init_command import init
@@ -106,6 +107,14 @@ app.command(
         "fluxlock check-wiring scenarios/vector/start.toml --port /dev/ttyUSB0",
     ),
 )(check_wiring)
+app.command(
+    "first-start",
+    rich_help_panel=BOARD,
+    epilog=example(
+        "fluxlock first-start scenarios/own-spindle.toml",
+        "fluxlock first-start scenarios/own-spindle.toml --port /dev/ttyUSB0",
+    ),
+)(first_start)
 app.command(
     rich_help_panel=BOARD, epilog=example("fluxlock export ../my-chip", "fluxlock export ../my-chip --board arty")
 )(export)

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import json
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +19,7 @@ from rich.table import Table
 
 from fluxlock.base.paths import RESULTS
 from fluxlock.base.progress import Bars
-from fluxlock.base.stage import ProgressInfo
+from fluxlock.base.stage import Progress, ProgressInfo
 from fluxlock.commission.board import measure_on_board
 from fluxlock.commission.report import (
     Gain,
@@ -118,7 +120,9 @@ def _check_writable(out: Path, folder: Path) -> None:
         raise ConfigError([Problem("--out", str(out), f"cannot be written: {reason}; name another file")])
 
 
-def _measure(bench: Scenario, folder: Path, where: Board | int) -> Measured:
+@contextmanager
+def showing() -> Iterator[Progress]:
+    """A bar of a measurement."""
     columns = (
         TextColumn("{task.description:<13}"),
         BarColumn(),
@@ -132,6 +136,11 @@ def _measure(bench: Scenario, folder: Path, where: Board | int) -> Measured:
             part = info.t_s / info.duration_s if info.duration_s else 0.0
             bar.update(task, description=info.phase, completed=part, t_s=info.t_s, speed=info.speed_rpm)
 
+        yield show
+
+
+def _measure(bench: Scenario, folder: Path, where: Board | int) -> Measured:
+    with showing() as show:
         if isinstance(where, Board):
             return measure_on_board(bench, where.port, where.wait_s, show)
         return measure(bench, folder, where, show)

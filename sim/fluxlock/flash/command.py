@@ -109,6 +109,19 @@ def _image(scenario: Scenario, ram_kib: int) -> bytes:
         raise ConfigError([Problem(option, str(ram_kib), str(error))]) from None
 
 
+def plan_of(scenario: Scenario, ram_kib: int = RAM_BYTES // 1024) -> Plan:
+    """What a board's flash gets for a scenario. Raises ConfigError."""
+    from fluxlock.cosim.parameters import check_parameters, parameter_block
+    from fluxlock.flash.image import pack_can_setup, pack_image, plan
+
+    check_board(scenario)
+    check_parameters(scenario)
+    image = pack_image(_image(scenario, ram_kib), scenario.motor.phases)
+    bus = scenario.can
+    setup = pack_can_setup(bus.node_id, bus.bit_rate_kbit_per_s) if bus is not None else b""
+    return plan(image, parameter_block(scenario).pack(), setup)
+
+
 def check_board(scenario: Scenario) -> None:
     """What is right in a simulation only: sampling that the boards' converters do not keep up with, no dead time."""
     sensing = scenario.inverter.sensing
@@ -161,18 +174,10 @@ def flash(
     The loader listens for 0.2 s after a reset: reset the board while the command waits. A scenario with a
     CAN bus gets the firmware with the CANopen node; what the node has stored stays.
     """
-    from fluxlock.cosim.parameters import check_parameters, parameter_block
-    from fluxlock.flash.image import pack_can_setup, pack_image, plan
     from fluxlock.flash.loader import LoaderError
     from fluxlock.flash.serial_port import PortError
 
-    loaded = load_scenario(scenario, set_ or ())
-    check_board(loaded)
-    check_parameters(loaded)
-    image = pack_image(_image(loaded, ram_kib), loaded.motor.phases)
-    bus = loaded.can
-    setup = pack_can_setup(bus.node_id, bus.bit_rate_kbit_per_s) if bus is not None else b""
-    steps = plan(image, parameter_block(loaded).pack(), setup)
+    steps = plan_of(load_scenario(scenario, set_ or ()), ram_kib)
     with _line(port, can, node, bit_rate) as line:
         try:
             write_and_start(line, steps, wait_s, Console())
