@@ -106,11 +106,14 @@ def damages(newest: bytes, older: bytes) -> dict[str, tuple[bytes, bytes, int, i
     used = len(newest.rstrip(b"\xff"))
 
     def bit(image: bytes) -> bytes:
-        at = rng.randrange(used)
+        at = rng.randrange(4, used)  # behind the magic, without which an image can be read
         return image[:at] + bytes([image[at] ^ 1 << rng.randrange(8)]) + image[at + 1 :]
 
     def layout(image: bytes) -> bytes:
         return image[:4] + bytes([image[4] ^ 0xFF]) + image[5:]
+
+    def magic(image: bytes) -> bytes:
+        return bytes([image[0] ^ 1]) + image[1:]
 
     blank = b"\xff" * len(newest)
     return {
@@ -125,7 +128,9 @@ def damages(newest: bytes, older: bytes) -> dict[str, tuple[bytes, bytes, int, i
         "older layout beside a copy": (layout(newest), newest, COPY, STORED),
         "older copy first": (older, newest, COPY, STORED),
         "older copy second": (newest, older, COPY, STORED),
-        "older copy beside a bit of the newest": (older, bit(newest), COPY, BEFORE),
+        **{f"older copy beside a bit of the newest, {n}": (older, bit(newest), LOST, LEAST) for n in range(4)},
+        "older copy beside another layout of the newest": (older, layout(newest), LOST, LEAST),
+        "older copy beside a newest whose magic is damaged": (older, magic(newest), COPY, STORED),
         "blank beside a bit": (blank, bit(newest), LOST, LEAST),
     }
 
@@ -148,7 +153,7 @@ async def objects_survive(dut: Any) -> None:
     for window in (76, 77):
         await save(master, "velocity_window", window)
     assert await window_after_power_up() == 77
-    for operation in (1, 2):  # power goes in the erase, in the page
+    for operation in (1, 2, 3):  # power goes when the magic is taken away, in the erase, in a page
         await master.write("velocity_window", 78)
         before = tb.contents(FLASH_STORE, 8192)
         plug = cocotb.start_soon(tb.cut_power(operation))

@@ -73,14 +73,16 @@ void chip_node_init(app_t *app) {
   uint32_t *setup = cpu_can_setup();
   driver.app = app;
   // What the flash holds stays in the RAM: for a restart that gets no answer.
-  driver.absent = flash != 0 && !flash_can_setup(setup) && (flash_answers() || setup[0] == 0u);
+  const bool known = flash == 0 || flash_can_setup(setup) || (!flash_answers() && setup[0] != 0u);
   driver.clocks_us = chip_clock_hz() / 1000000u;
   driver.then = chip_now();
-  node.bit_rate_kbit_s = setup[1];
+  // Where it is broken the node takes the ID and the rate that it has stored, and says so.
+  node.bit_rate_kbit_s = known ? setup[1] : UINT32_MAX;
+  canopen_init(&node, app, (flash != 0) ? flash : &volatile_storage, known ? setup[0] : 0u, driver.now_us);
+  driver.absent = node.node_id == 0u;
   if (driver.absent) {
     return;
   }
-  canopen_init(&node, app, (flash != 0) ? flash : &volatile_storage, setup[0], driver.now_us);
   set_filters();
   join();
 }

@@ -387,6 +387,10 @@ static void follow_faults(canopen_t *node) {
     c->clearing = c->clearing && c->status.request == REQUEST_CLEAR;
     return;
   }
+  // The console has cleared it: over, though the master has not reset the operation yet.
+  if (!c->clearing) {
+    emcy_clear(node, EMCY_DRIVE);
+  }
   if (c->state == PDS_NOT_READY && c->status.state != STATE_INIT) {
     enter(node, PDS_DISABLED);
   }

@@ -9,6 +9,7 @@
 SMALL_CODE_BEGIN
 
 #define LIST_LENGTH (OD_ERROR_FIELD_ERROR_8 - OD_ERROR_FIELD_ERROR_1 + 1u)
+#define ERROR_GENERIC 0x01u
 #define ERROR_COMMUNICATION 0x11u
 #define ERROR_MANUFACTURER 0x81u
 #define DISABLED (1u << 31)
@@ -55,8 +56,10 @@ void emcy_reset(canopen_t *node) {
   emcy_forget(node);
 }
 
+// What is active, and that the operation waits for its reset.
 static void show_register(canopen_t *node) {
-  uint32_t error = 0;
+  const pds_t operation = node->drive.state;
+  uint32_t error = (operation == PDS_FAULT || operation == PDS_FAULT_REACTION) ? ERROR_GENERIC : 0u;
   for (uint32_t c = 0; c < EMCY_CAUSES; c++) {
     error |= ((node->emcy.active >> c & 1u) != 0u) ? node->emcy.error[c] : 0u;
   }
@@ -69,9 +72,12 @@ static void set(canopen_t *node, emcy_cause_t cause, uint32_t code, uint32_t err
   if ((e->active & bit) != 0u && e->code[cause] == code) {
     return;
   }
+  // Its end before is told first, but for one whose beginning was not.
+  if ((e->untold & bit) != 0u) {
+    e->ended &= ~bit;
+  }
   e->active |= bit;
   e->untold |= bit;
-  e->ended &= ~bit;
   e->code[cause] = (uint16_t)code;
   e->error[cause] = (uint8_t)error;
   e->detail[cause] = detail;
@@ -101,8 +107,13 @@ void emcy_clear(canopen_t *node, emcy_cause_t cause) {
   if ((e->active >> cause & 1u) == 0u) {
     return;
   }
-  e->active &= ~(1u << cause);
-  e->ended |= 1u << cause;
+  const uint32_t bit = 1u << cause;
+  if ((e->ended & bit) != 0u) {
+    e->untold &= ~bit;  // the end of the one before stands for this one, too
+  }
+  e->active &= ~bit;
+  e->ended |= bit;
+  e->ended_code = (cause == EMCY_DRIVE) ? e->code[cause] : e->ended_code;
   show_register(node);
 }
 
@@ -111,18 +122,20 @@ void emcy_event(canopen_t *node, emcy_cause_t cause, uint32_t detail) {
   span_start(&node->emcy.event[cause - EMCY_OVERRUN], node->now_us);
 }
 
-static uint32_t lowest(uint32_t causes) {
-  uint32_t cause = 0;
-  while ((causes >> cause & 1u) == 0u) {
-    cause++;
+// In turn: none waits for ever behind one that comes and goes. One at least is to be told.
+static uint32_t next_cause(const emcy_t *e) {
+  uint32_t cause = e->next;
+  while (((e->untold | e->ended) >> cause & 1u) == 0u) {
+    cause = (cause + 1u) % (uint32_t)EMCY_CAUSES;
   }
   return cause;
 }
 
-// Beginnings first: what came and went before it was told begins, then ends.
+// What came and went before it was told begins, then ends; what has come again ends first.
 void emcy_step(canopen_t *node) {
   emcy_t *e = &node->emcy;
   const uint32_t cob_id = node->value[OD_EMCY_COB_ID];
+  show_register(node);
   if (node->nmt.state != NMT_OPERATIONAL && node->nmt.state != NMT_PRE_OPERATIONAL) {
     return;
   }
@@ -136,19 +149,21 @@ void emcy_step(canopen_t *node) {
     return;
   }
   uint8_t data[8] = {0};
-  const bool begins = e->untold != 0u;
-  const uint32_t cause = lowest(begins ? e->untold : e->ended);
+  const uint32_t cause = next_cause(e);
+  const bool again = (e->ended >> cause & 1u) != 0u && (e->active >> cause & 1u) != 0u;
+  const bool begins = (e->untold >> cause & 1u) != 0u && !again;
   if (begins) {
     can_put(&data[0], 2, e->code[cause]);
     data[3] = (uint8_t)((cause == EMCY_DRIVE) ? e->detail[cause] : 0u);
     can_put(&data[4], 4, (cause == EMCY_DRIVE) ? 0u : e->detail[cause]);
   } else {
-    can_put(&data[4], 2, e->code[cause]);
+    can_put(&data[4], 2, (cause == EMCY_DRIVE) ? e->ended_code : e->code[cause]);
   }
   data[2] = (uint8_t)node->value[OD_ERROR_REGISTER];
   if (canopen_send(node, cob_id & 0x7FFu, data, 8, false)) {
     uint32_t *told = begins ? &e->untold : &e->ended;
     *told &= ~(1u << cause);
+    e->next = (cause + 1u) % (uint32_t)EMCY_CAUSES;
     span_start(&e->inhibit, node->now_us);
   }
 }

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 // Emergency object: the set of active causes. Each one's beginning and end is told, and its next beginning again;
-// beginnings enter the list 0x1003, the error register 0x1001 holds the bits of what is active.
+// beginnings enter the list 0x1003, the error register 0x1001 holds the bits of what is active, and bit 0 for as long as the operation is in a fault.
 //
 // The end of a cause has code 0, the register of what is left, and the code that has ended in bytes 4 and 5.
 #ifndef FL_EMCY_H
@@ -40,6 +40,8 @@ typedef struct {
   uint32_t active;   // bit n: cause n is there
   uint32_t untold;   // bit n: its beginning is to be sent
   uint32_t ended;    // bit n: its end is to be sent
+  uint32_t next;     // cause whose turn it is
+  uint16_t ended_code;  // of the drive's fault that has ended
   uint16_t code[EMCY_CAUSES];
   uint8_t error[EMCY_CAUSES];  // bits of the error register
   uint32_t detail[EMCY_CAUSES];

@@ -9,6 +9,8 @@
 
 SMALL_CODE_BEGIN
 
+#define MAGIC_BYTES 4u
+
 _Static_assert(4u * STORE_WORDS <= FLASH_SECTOR_BYTES, "an image is larger than its sector");
 
 static uint32_t address_of(uint32_t slot) { return FLASH_STORE + slot * FLASH_SECTOR_BYTES; }
@@ -20,17 +22,19 @@ static bool slot_read(void *context, uint32_t slot, void *data, uint32_t bytes) 
   return flash_answers();
 }
 
-// The page with the magic number and the checksum comes last.
+// The magic is taken away before the erase, which may be cut off anywhere, and comes last, by itself.
 static bool slot_write(void *context, uint32_t slot, const void *data, uint32_t bytes) {
   (void)context;
   const uint8_t *from = data;
-  bool done = flash_answers() && flash_erase(address_of(slot));
-  for (uint32_t end = bytes; done && end != 0u;) {
-    const uint32_t begin = (end - 1u) / FLASH_PAGE_BYTES * FLASH_PAGE_BYTES;
+  static const uint8_t none[MAGIC_BYTES];
+  bool done = flash_answers() && flash_program(address_of(slot), none, MAGIC_BYTES) && flash_erase(address_of(slot));
+  for (uint32_t end = bytes; done && end > MAGIC_BYTES;) {
+    const uint32_t page = (end - 1u) / FLASH_PAGE_BYTES * FLASH_PAGE_BYTES;
+    const uint32_t begin = (page == 0u) ? MAGIC_BYTES : page;
     done = flash_program(address_of(slot) + begin, &from[begin], end - begin);
     end = begin;
   }
-  return done;
+  return done && flash_program(address_of(slot), from, MAGIC_BYTES);
 }
 
 const storage_t *flash_storage(void) {

@@ -10,9 +10,17 @@
 
 SMALL_CODE_BEGIN
 
-static void refuse(canopen_t *node, uint32_t cause, uint32_t detail) {
+#define CALM_US 2000000u
+
+// Something is wrong with the k-th one; its causes end when nothing was for a time: good and bad ones may take turns.
+static void blame(canopen_t *node, uint32_t k, uint32_t cause, uint32_t detail) {
+  span_start(&node->pdo.rpdo[k].wrong, node->now_us);
+  emcy_set(node, (emcy_cause_t)(cause + k), detail);
+}
+
+static void refuse(canopen_t *node, uint32_t k, uint32_t cause, uint32_t detail) {
   node->value[OD_COUNTER_PDOS_REFUSED]++;
-  emcy_set(node, (emcy_cause_t)cause, detail);
+  blame(node, k, cause, detail);
 }
 
 // All of it or nothing: every value is checked before the first one is written.
@@ -21,10 +29,9 @@ static void take(canopen_t *node, uint32_t k, const uint8_t *data, uint32_t leng
   uint32_t value[PDO_MAPPED];
   uint32_t at = 0;
   if (length < map->length) {
-    refuse(node, EMCY_PDO_SHORT + k, k + 1u);
+    refuse(node, k, EMCY_PDO_SHORT, k + 1u);
     return;
   }
-  emcy_clear(node, (emcy_cause_t)(EMCY_PDO_SHORT + k));
   for (uint32_t i = 0; i < map->count; i++) {
     const uint32_t number = map->number[i];
     value[i] = can_get(&data[at], map->bytes[i]);
@@ -32,17 +39,15 @@ static void take(canopen_t *node, uint32_t k, const uint8_t *data, uint32_t leng
     if (number != OD_COUNT) {
       value[i] = od_extend(number, value[i]);
       if (objects_check(node, number, value[i]) != SDO_OK) {
-        refuse(node, EMCY_PDO_VALUE + k, (uint32_t)od_entry(number)->index << 16 | (k + 1u));
+        refuse(node, k, EMCY_PDO_VALUE, (uint32_t)od_entry(number)->index << 16 | (k + 1u));
         return;
       }
     }
   }
-  emcy_clear(node, (emcy_cause_t)(EMCY_PDO_VALUE + k));
-  const emcy_cause_t longer = (emcy_cause_t)(EMCY_PDO_LONG + k);
   if (length > map->length) {
-    emcy_set(node, longer, k + 1u);
-  } else {
-    emcy_clear(node, longer);
+    blame(node, k, EMCY_PDO_LONG, k + 1u);
+  } else if (span_over(&node->pdo.rpdo[k].wrong, node->now_us, CALM_US)) {
+    pdo_forgive(node, k);
   }
   for (uint32_t i = 0; i < map->count; i++) {
     if (map->number[i] != OD_COUNT) {

@@ -36,6 +36,7 @@ typedef struct {
   bool waiting;  // for SYNC
   uint8_t data[8];
   uint32_t data_length;
+  span_t wrong;  // since something was wrong with one
 } rpdo_t;
 
 typedef struct {
@@ -56,6 +57,10 @@ typedef struct {
 
 // Whether a CAN-ID may be given to the PDO, SYNC or EMCY of an entry: not a reserved one, and of no other of them in use.
 bool pdo_id_is_free(const canopen_t *node, uint32_t number, uint32_t can_id);
+// The first object in use with a CAN-ID that is not its default, and reserved or used twice; OD_COUNT: none.
+uint32_t pdo_id_taken(const canopen_t *node);
+// Nothing is wrong with the k-th RPDO any more.
+void pdo_forgive(canopen_t *node, uint32_t k);
 // SDO_OK, or why a communication or mapping object of a PDO cannot be written now.
 uint32_t pdo_check(canopen_t *node, uint32_t number, uint32_t value);
 // Work out the mapping from the objects; one that cannot be is switched off.

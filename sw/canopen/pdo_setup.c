@@ -3,6 +3,7 @@
 
 #include "canopen/abort.h"
 #include "canopen/canopen.h"
+#include "canopen/objects.h"
 #include "canopen/pdo.h"
 #include "control/placement.h"
 
@@ -57,6 +58,24 @@ bool pdo_id_is_free(const canopen_t *node, uint32_t number, uint32_t can_id) {
                         (can_id > 0x580u && can_id < 0x600u) || (can_id > 0x600u && can_id < 0x680u) ||
                         (can_id >= 0x6E0u && can_id < 0x700u) || can_id > 0x700u;
   return !reserved && can_id < 0x800u && !in_use(node, number, can_id);
+}
+
+static bool taken(const canopen_t *node, uint32_t number) {
+  const uint32_t value = node->value[number];
+  const bool chosen = value != objects_default(node, number);
+  return chosen && (value & DISABLED) == 0u && !pdo_id_is_free(node, number, value & 0x7FFu);
+}
+
+uint32_t pdo_id_taken(const canopen_t *node) {
+  if (taken(node, OD_SYNC_COB_ID)) {
+    return OD_SYNC_COB_ID;
+  }
+  uint32_t found = taken(node, OD_EMCY_COB_ID) ? (uint32_t)OD_EMCY_COB_ID : (uint32_t)OD_COUNT;
+  for (uint32_t k = 0; k < 2u * PDO_COUNT && found == (uint32_t)OD_COUNT; k++) {
+    const uint32_t number = place(k < PDO_COUNT, k % PDO_COUNT).cob_id;
+    found = taken(node, number) ? number : found;
+  }
+  return found;
 }
 
 // A mapping word: number of the entry (OD_COUNT: a dummy of the standard's basic types) and bytes; false: impossible.
@@ -152,6 +171,12 @@ static void configure(canopen_t *node, const place_t *at, pdo_map_t *map) {
   }
 }
 
+void pdo_forgive(canopen_t *node, uint32_t k) {
+  emcy_clear(node, (emcy_cause_t)(EMCY_PDO_SHORT + k));
+  emcy_clear(node, (emcy_cause_t)(EMCY_PDO_LONG + k));
+  emcy_clear(node, (emcy_cause_t)(EMCY_PDO_VALUE + k));
+}
+
 void pdo_configure(canopen_t *node) {
   for (uint32_t k = 0; k < PDO_COUNT; k++) {
     const place_t receive = place(true, k);
@@ -160,9 +185,7 @@ void pdo_configure(canopen_t *node) {
     configure(node, &send, &node->pdo.tpdo[k].map);
     node->pdo.rpdo[k].waiting = false;
     if (!node->pdo.rpdo[k].map.enabled) {
-      emcy_clear(node, (emcy_cause_t)(EMCY_PDO_SHORT + k));
-      emcy_clear(node, (emcy_cause_t)(EMCY_PDO_LONG + k));
-      emcy_clear(node, (emcy_cause_t)(EMCY_PDO_VALUE + k));
+      pdo_forgive(node, k);
     }
   }
 }

@@ -5,6 +5,7 @@
 
 #include "canopen/abort.h"
 #include "canopen/canopen.h"
+#include "canopen/objects.h"
 #include "control/crc32.h"
 #include "control/placement.h"
 
@@ -17,6 +18,12 @@ enum { MAGIC = 0, LAYOUT = 1, CRC = 2, SEQUENCE = 3, NODE_ID = 4 };
 
 static uint32_t checksum(const uint32_t *image) {
   return crc32((const uint8_t *)&image[SEQUENCE], 4u * (STORE_WORDS - SEQUENCE));
+}
+
+// All of an image is there. Its magic is written last and may be damaged; 0: it is not to be taken.
+static bool is_complete(const uint32_t *image) {
+  return image[MAGIC] != 0u && image[LAYOUT] == OD_STORE_WORD && image[CRC] == checksum(image) &&
+         image[LABEL_LENGTH] <= OD_STRING_MAX;
 }
 
 // The slot's image into store.image.
@@ -32,7 +39,7 @@ static slot_t read_slot(canopen_t *node, uint32_t slot) {
   if (image[MAGIC] == STORE_MAGIC && image[LAYOUT] != OD_STORE_WORD) {
     return SLOT_FOREIGN;
   }
-  if (image[MAGIC] == STORE_MAGIC && image[CRC] == checksum(image) && image[LABEL_LENGTH] <= OD_STRING_MAX) {
+  if (image[MAGIC] == STORE_MAGIC && is_complete(image)) {
     return SLOT_GOOD;
   }
   // Erased, forgotten, or never written.
@@ -41,6 +48,24 @@ static slot_t read_slot(canopen_t *node, uint32_t slot) {
     blank = image[i] == image[0];
   }
   return blank ? SLOT_BLANK : SLOT_BROKEN;
+}
+
+// A slot of which no image was taken held another one than that with this number: perhaps the newer one. A write that was
+// cut off is none: it ends with the magic.
+static bool held_another(canopen_t *node, uint32_t slot, uint32_t sequence) {
+  uint32_t *image = node->store.image;
+  const slot_t found = read_slot(node, slot);
+  if (found == SLOT_SILENT) {
+    return true;
+  }
+  const bool was_whole = image[MAGIC] == STORE_MAGIC || image[CRC] == checksum(image);
+  if (found == SLOT_BLANK || image[MAGIC] == 0u || is_complete(image) || !was_whole) {
+    return false;
+  }
+  // Its number may be what is damaged.
+  const bool same = image[SEQUENCE] == sequence;
+  image[SEQUENCE] = same ? sequence + 1u : sequence;
+  return (image[CRC] == checksum(image)) == same;
 }
 
 // The newest good image into store.image; its slot, STORE_SLOTS: none.
@@ -53,7 +78,8 @@ static uint32_t read_newest(canopen_t *node) {
   for (uint32_t slot = 0; slot < STORE_SLOTS; slot++) {
     store->slot[slot] = read_slot(node, slot);
     blank = blank && store->slot[slot] == SLOT_BLANK;
-    if (store->slot[slot] != SLOT_GOOD) {
+    const bool broken = store->slot[slot] == SLOT_BROKEN;
+    if (store->slot[slot] != SLOT_GOOD && !(broken && is_complete(store->image))) {
       continue;
     }
     if (newest == STORE_SLOTS || (int32_t)(store->image[SEQUENCE] - sequence) > 0) {
@@ -61,15 +87,16 @@ static uint32_t read_newest(canopen_t *node) {
       sequence = store->image[SEQUENCE];
       copies = 0;
     }
-    copies += (store->image[SEQUENCE] == sequence) ? 1u : 0u;
+    copies += (store->image[SEQUENCE] == sequence && !broken) ? 1u : 0u;
   }
-  if (newest != STORE_SLOTS && read_slot(node, newest) != SLOT_GOOD) {
+  const bool stale = newest != STORE_SLOTS && held_another(node, 1u - newest, sequence);
+  if (newest != STORE_SLOTS && (read_slot(node, newest) == SLOT_SILENT || !is_complete(store->image))) {
     newest = STORE_SLOTS;
   }
-  if (newest != STORE_SLOTS) {
+  if (newest != STORE_SLOTS && !stale) {
     store->state = (copies == STORE_SLOTS) ? STORE_WHOLE : STORE_COPY;
   } else {
-    store->state = blank ? STORE_EMPTY : STORE_LOST;
+    store->state = (blank && !stale) ? STORE_EMPTY : STORE_LOST;
   }
   return newest;
 }
@@ -124,9 +151,30 @@ static void load_image(canopen_t *node, uint32_t first, uint32_t last) {
   }
 }
 
+// CAN-IDs that are taken, of what is stored or was kept, have their defaults.
+static void check_ids(canopen_t *node) {
+  for (uint32_t n = pdo_id_taken(node); n != OD_COUNT; n = pdo_id_taken(node)) {
+    node->store.index = (node->store.index != 0u) ? node->store.index : od_entry(n)->index;
+    node->store.state = STORE_LOST;
+    node->value[n] = objects_default(node, n);
+  }
+}
+
+// The bit rate beside the parameters, if it is none: the node is on the bus, by the stored one or the default.
+static void check_setup(canopen_t *node) {
+  if (node->bit_rate_kbit_s != 0u && od_check(OD_DEVICE_BIT_RATE, node->bit_rate_kbit_s) != SDO_OK) {
+    node->store.index = (node->store.index != 0u) ? node->store.index : 0x2000u;
+    node->store.state = has_image(node) ? STORE_COPY : STORE_LOST;
+  }
+}
+
 void store_load(canopen_t *node, uint32_t first, uint32_t last) {
   if (has_image(node)) {
     load_image(node, first, last);
+    check_ids(node);
+  }
+  if (first <= 0x2000u && last >= 0x2000u) {
+    check_setup(node);
   }
   for (uint32_t n = 0; n < OD_COUNT && node->store.state == STORE_LOST; n++) {
     const od_entry_t *entry = od_entry(n);

@@ -21,7 +21,9 @@ typedef struct canopen canopen_t;
 #define STORE_WORDS (STORE_HEADER_WORDS + OD_STORED_COUNT + 1u + OD_STRING_MAX / 4u)
 #define STORE_SLOTS 2u
 
-// Non-volatile memory with two slots of at least 4 * STORE_WORDS bytes. False: it does not answer, or a write failed.
+// Non-volatile memory with two slots of at least 4 * STORE_WORDS bytes. A write takes the magic, its first word, away
+// before anything else and writes it last, so that one that is cut off is known. False: it does not answer, or a write
+// failed.
 typedef struct {
   void *context;
   bool (*read)(void *context, uint32_t slot, void *data, uint32_t bytes);
@@ -34,7 +36,7 @@ typedef enum { SLOT_BLANK, SLOT_GOOD, SLOT_FOREIGN, SLOT_BROKEN, SLOT_SILENT } s
 typedef enum {
   STORE_EMPTY,  // nothing is stored
   STORE_WHOLE,
-  STORE_COPY,  // one slot holds it, the other one is broken, silent, older or blank
+  STORE_COPY,  // one slot holds it, the other one is older, blank, cut off or a broken copy of it
   STORE_LOST,  // something is stored, or may be, and it or a value of it cannot be taken
 } store_state_t;
 

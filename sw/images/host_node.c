@@ -19,6 +19,8 @@ void fl_can_boot(uint32_t node_id, uint32_t now_us) {
   canopen_init(&node, fl_host_app(), flash_storage(), node_id, now_us);
 }
 
+void fl_can_setup_rate(uint32_t kbit_s) { node.bit_rate_kbit_s = kbit_s; }
+
 void fl_can_receive(uint32_t id, uint32_t flags, uint32_t length, const uint8_t *data) {
   can_frame_t frame = {.id = id, .flags = (uint8_t)flags, .length = (uint8_t)length};
   memcpy(frame.data, data, (length < sizeof frame.data) ? length : sizeof frame.data);

@@ -11,6 +11,8 @@ enum { HOST_NO_FRAME = 9 };  // in place of a length
 
 // After fl_host_boot.
 void fl_can_boot(uint32_t node_id, uint32_t now_us);
+// Bit rate beside the parameters, for the next boot, 0: none.
+void fl_can_setup_rate(uint32_t kbit_s);
 void fl_can_receive(uint32_t id, uint32_t flags, uint32_t length, const uint8_t *data);
 void fl_can_step(uint32_t now_us);
 // Length of the next frame to send; HOST_NO_FRAME: none.

@@ -429,6 +429,67 @@ def test_connection_lost(turning: NodeBench, how: str, option: int, state: str) 
     assert b.until(state, 0.5)
     b.run(0.01)
     assert b.bench.fw.state == ("running" if state == "enabled" else "ready")
+    # The connection is there again: over, but for an operation that waits for its reset.
+    if how == "heartbeat":
+        b.send(0x720, b"\x05")
+    elif how == "bus off":
+        assert b.node.value("error_register") == 0x11
+        b.node.bus_back()
+    b.run(0.01)
+    assert b.node.value("error_register") == (1 if state == "fault" else 0)
+
+
+def told(bench: NodeBench) -> list[tuple[int, int, int, int]]:
+    """Emergencies: code, error register, fault of the drive, code that has ended."""
+    return [struct.unpack("<HBBI", data) for data in bench.taken(0x80 + NODE)]
+
+
+def test_a_fault_that_the_console_clears(turning: NodeBench) -> None:
+    """Its end is told, the operation waits for its reset; the same fault again, and another one, are told as new ones.
+
+    Verifies: CO-08
+    """
+    b, lib = turning, turning.bench.fw.lib
+    over_current, link = lib.TRIP_PHASE_CURRENT, lib.TRIP_FAULT_PIN
+    b.bench.trip(over_current)
+    b.run(0.05)
+    (first,) = told(b)
+    code, number = first[0], first[2]
+    assert first[1] & 1 and b.read("error_field_count") == 1
+    for count, cause in ((2, over_current), (3, link)):
+        assert b.bench.fw.command("clear") == ["ok"]
+        b.run(0.25)
+        assert told(b) == [(0, 1, 0, code)] and (b.state, b.node.value("error_register")) == ("fault", 1)
+        assert b.bench.fw.command("start") == ["ok"]
+        assert b.run(2.0, lambda: b.bench.fw.state == "running")
+        b.bench.trip(cause)
+        b.run(0.05)
+        (again,) = told(b)
+        assert (again[0] == code) == (again[2] == number) == (cause == over_current)
+        assert b.read("error_field_count") == count and b.node.value("error_register") == again[1]
+        code = again[0]
+    b.write("controlword", 0)
+    b.write("controlword", 0x80)
+    assert b.until("disabled", 0.5)
+    b.run(0.2)
+    assert told(b) == [(0, 0, 0, code)] and b.node.value("error_register") == 0
+
+
+def test_a_cause_that_comes_back_before_its_end_was_told(bench: NodeBench) -> None:
+    """Within the inhibit time: first the end of what was told, then the new beginning.
+
+    Verifies: CO-08
+    """
+    bench.write("emcy_inhibit_time", 2000)
+    bench.nmt(1)
+    bench.node.bus_off()
+    bench.idle(0.05)
+    assert [code for code, *_ in told(bench)] == [0x8140]
+    bench.node.bus_back()
+    bench.idle(0.01)
+    bench.node.bus_off()
+    bench.idle(1.0)
+    assert [(code, ended) for code, _, _, ended in told(bench)] == [(0, 0x8140), (0x8140, 0)]
 
 
 def test_console_keeps_its_motor() -> None:

@@ -279,8 +279,9 @@ def test_fault_and_reset(node: BaseNode402, target: Target) -> None:
     node.sdo["command_timeout"]["time"].raw = 0
     node.reset_from_fault()
     assert node.state == "OPERATION ENABLED"
-    assert told(node, 0) == 0
-    assert node.sdo["error_code"].raw == 0
+    # The cause ended with the next command; the operation was in its fault until the reset.
+    assert told(node, 0) == 1
+    assert node.sdo["error_code"].raw == 0 and node.sdo["error_register"].raw == 0
 
 
 def test_master_is_watched(network: canopen.Network, node: BaseNode402, target: Target) -> None:

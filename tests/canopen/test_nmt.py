@@ -12,6 +12,7 @@ import pytest
 from fluxlock.native.node import EXTENDED, REMOTE
 from tests.canopen.node_bench import NODE, Aborted, NodeBench
 
+CALM_S = 2.1  # after which nothing is wrong with an RPDO any more
 HEARTBEAT, EMCY, SYNC = 0x700 + NODE, 0x80 + NODE, 0x80
 MASTER = 0x20
 STOPPED, OPERATIONAL, PRE_OPERATIONAL = 4, 5, 127
@@ -141,6 +142,9 @@ def test_heartbeat_consumer(bench: NodeBench) -> None:
     with pytest.raises(Aborted) as refused:
         bench.write("heartbeat_consumer_node_1", MASTER << 16 | 50)
     assert refused.value.args[0] == 0x06040043
+    with pytest.raises(Aborted) as refused:
+        bench.write("heartbeat_consumer_node_1", NODE << 16 | 50)
+    assert refused.value.args[0] == 0x06090030, "a node hears no heartbeat of its own"
 
 
 def test_each_lost_node_and_each_loss_is_told(bench: NodeBench) -> None:
@@ -323,17 +327,21 @@ def test_refused_pdos(bench: NodeBench) -> None:
     assert bench.state == "disabled"
     bench.send(0x400 + NODE, struct.pack("<Hi", 6, 1_000_001))
     bench.idle(0.002)
-    assert emcy(bench) == [(0x8200, 0x11, 0, 0x60FF0003), (0, 0x11, 0, 0x8210)]
+    assert emcy(bench) == [(0x8200, 0x11, 0, 0x60FF0003)]
     assert bench.state == "disabled"
     bench.send(0x300 + NODE, struct.pack("<Hb", 6, 10))  # torque without the current loop
     bench.send(0x400 + NODE, struct.pack("<Hih", 6, 777, -1))
     bench.idle(0.005)
     assert bench.node.value("modes_of_operation") == 3
-    assert emcy(bench) == [(0x8220, 0x11, 0, 3), (0x8200, 0x11, 0, 0x60600002), (0, 0x11, 0, 0x8200)]
+    assert emcy(bench) == [(0x8220, 0x11, 0, 3), (0x8200, 0x11, 0, 0x60600002)]
     assert (bench.state, bench.node.value("target_velocity")) == ("ready", 777)
     bench.send(0x400 + NODE, struct.pack("<Hi", 0, 0))
     bench.idle(0.002)
-    assert emcy(bench) == [(0, 0x11, 0, 0x8220)], "what RPDO2 held is still wrong"
+    assert emcy(bench) == [], "good and bad ones may take turns"
+    bench.idle(CALM_S)
+    bench.send(0x400 + NODE, struct.pack("<Hi", 0, 0))
+    bench.idle(0.005)
+    assert sorted(emcy(bench)) == [(0, 0x11, 0, 0x8200), (0, 0x11, 0, 0x8210), (0, 0x11, 0, 0x8220)], "not RPDO2's"
     bench.send(0x300 + NODE, struct.pack("<Hb", 0, 3))
     bench.idle(0.002)
     assert emcy(bench) == [(0, 0, 0, 0x8200)]
@@ -359,6 +367,27 @@ def test_a_good_pdo_does_not_end_the_error_of_another(bench: NodeBench) -> None:
     assert emcy(bench) == [(0, 0, 0, 0x8210)]
 
 
+def test_a_pdo_that_is_good_and_bad_in_turn(bench: NodeBench) -> None:
+    """One RPDO, short every second time, is told once; the others' errors and lost frames are told in time beside it.
+
+    Verifies: CO-08
+    """
+    bench.nmt(1)
+    told = []
+    for k in range(1500):
+        bench.send(0x200 + NODE, b"\6")
+        bench.idle(0.001)
+        bench.send(0x200 + NODE, b"\6\0")
+        bench.idle(0.001)
+        if k == 100:
+            bench.send(0x500 + NODE, struct.pack("<Hhb", 0, 0, 0))
+        if k == 200:
+            bench.node.overrun()
+        told += [(k, code, ended) for code, _, _, ended in emcy(bench)]
+    assert [(code, ended) for _, code, ended in told] == [(0x8210, 1), (0x8220, 4), (0x8110, 0), (0, 0x8110)]
+    assert [k for k, code, _ in told if code][1] < 110 and [k for k, code, _ in told if code][2] < 210
+
+
 def test_emcy_inhibit(bench: NodeBench) -> None:
     """Between two EMCY lies the inhibit time; what came and went meanwhile is still told.
 
@@ -366,8 +395,9 @@ def test_emcy_inhibit(bench: NodeBench) -> None:
     """
     bench.write("emcy_inhibit_time", 2000)
     bench.nmt(1)
-    for data in (b"", struct.pack("<Hi", 6, 1_000_001), struct.pack("<Hi", 0, 0)):
+    for data in (b"", struct.pack("<Hi", 6, 1_000_001)):
         bench.send(0x400 + NODE, data)
+    bench.write("rpdo3_cob_id", 1 << 31 | 0x400 + NODE)
     bench.idle(0.05)
     assert [code for code, *_ in emcy(bench)] == [0x8210]
     bench.idle(0.2)

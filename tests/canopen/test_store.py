@@ -8,7 +8,7 @@ from __future__ import annotations
 import random
 import struct
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import pytest
 
@@ -298,13 +298,104 @@ def test_torn_write(bench: NodeBench) -> None:
     saved_windows(bench, 13)
     new, _ = slots(bench)
     assert (old[SEQUENCE], new[SEQUENCE]) == (1, 2)
-    for words in range(len(old)):
-        torn = new[:words] + old[words:]
-        for images, expected in (([old, torn], 13 if torn == new else 12), ([torn, new], 13)):
+    # Its first word goes first and comes last.
+    for words in range(1, len(old) + 1):
+        torn = [0xFFFFFFFF if words > 1 else 0, *new[1:words], *old[words:]]
+        for images, expected in (([old, torn], 13 if torn[1:] == new[1:] else 12), ([torn, new], 13)):
             put_slots(bench, images)
             bench.node.boot(bench.now_us)
             assert bench.node.value("velocity_window") == expected, words
-            assert condition(bench) == (WHOLE if images[0] == images[1] else COPY), words
+            assert condition(bench) == COPY, words
+
+
+def worse(newest: list[int], older: list[int]) -> Iterator[tuple[str, list[int]]]:
+    """What may become of the newest of two different images: each bit, another layout, two bits of its number."""
+    for bit in range(32 * len(newest)):
+        broken = list(newest)
+        broken[bit // 32] ^= 1 << bit % 32
+        yield f"bit {bit}", broken
+    yield "layout", [newest[0], newest[1] ^ 0xFFFF, *newest[2:]]
+    yield "number", [*newest[:SEQUENCE], newest[SEQUENCE] ^ 0x11, *newest[SEQUENCE + 1 :]]
+
+
+def test_an_older_image_does_not_stand_for_a_damaged_newer_one(bench: NodeBench) -> None:
+    """Power went between the two copies of a save, and the new one, which was in force, is damaged later.
+
+    What it holds is used where all of it can be read; else it is lost: the older limit, a higher one, does not come
+    back, and nothing runs.
+
+    Verifies: CO-15
+    """
+    bench.write("max_current", 900)
+    save(bench)
+    older, _ = slots(bench)
+    bench.write("max_current", 300)
+    save(bench)
+    newest, _ = slots(bench)
+    put_slots(bench, [newest, older])
+    power_up(bench)
+    assert (bench.read("max_current"), condition(bench)) == (300, COPY)
+    used = 0
+    for what, broken in worse(newest, older):
+        for images in ([broken, older], [older, broken]):
+            put_slots(bench, images)
+            bench.node.boot(bench.now_us)
+            used += condition(bench) == COPY
+            assert (bench.node.value("max_current"), condition(bench)) in ((300, COPY), (1, LOST)), what
+    assert used == 2 * 32, "a bit of the magic alone leaves an image that can be read"
+    bench.node.boot(bench.now_us)
+    assert bench.until("fault", 0.1) and condition(bench) == LOST
+    bench.write("max_current", 200)
+    save(bench)
+    power_up(bench)
+    assert (bench.read("max_current"), condition(bench)) == (200, WHOLE)
+
+
+def test_stored_ids_that_are_taken(bench: NodeBench) -> None:
+    """Two objects that have come to one CAN-ID, by a new node-ID, or an ID that is reserved: lost by name, no PDO dies.
+
+    Verifies: CO-15, CO-05
+    """
+    bench.write("sync_cob_id", 0x200 + NODE + 1)
+    bench.write("device_node_id", NODE + 1)
+    save(bench)
+    bench.node.boot(bench.now_us)
+    assert bench.until("fault", 0.1)
+    told = bench.taken(0x80 + NODE + 1)[0]
+    assert told == struct.pack("<HBxBBH", 0x6310, 0x81, 1, 1, 0x1005)
+    assert (bench.node.value("sync_cob_id"), bench.node.value("rpdo1_cob_id") & 0x7FF) == (0x80, 0x200 + NODE + 1)
+    bench.node.boot(bench.now_us)
+    image, _ = slots(bench)
+    at = {name: place(bench, name) for name in ("sync_cob_id", "emcy_cob_id", "tpdo1_cob_id", "rpdo1_cob_id")}
+    good = sealed(image, lambda words: words.__setitem__(at["sync_cob_id"], 0x80))
+    for name, value in (("emcy_cob_id", 0x80), ("tpdo1_cob_id", 0x605), ("rpdo1_cob_id", 0), ("sync_cob_id", 0x80 + NODE)):
+        moved = [*good[:4], NODE + 1, *good[5:]]
+        put_slots(bench, 2 * [sealed(moved, lambda words, name=name, value=value: words.__setitem__(at[name], value))])
+        bench.node.boot(bench.now_us)
+        assert condition(bench) == LOST, name
+        assert bench.node.value(name) & 0x7FF != value, name
+
+
+def test_bit_rate_beside_the_parameters(bench: NodeBench) -> None:
+    """One that the controller cannot make, or that cannot be read, is told; the stored one or the default holds.
+
+    Verifies: CO-28, CO-15
+    """
+    default = bench.node.value("device_bit_rate")
+    for rate in (800, 333, 0xFFFFFFFF):
+        bench.node.lib.fl_can_setup_rate(rate)
+        bench.node.boot(bench.now_us)
+        assert condition(bench) == LOST and bench.node.value("device_bit_rate") == default, rate
+        assert bench.until("fault", 0.1)
+        assert bench.taken(0x80 + NODE)[-1] == struct.pack("<HBxBBH", 0x6310, 0x81, 0, 0, 0x2000)
+    bench.write("device_bit_rate", 250)
+    save(bench)
+    bench.node.boot(bench.now_us)
+    assert condition(bench) == COPY and bench.node.value("device_bit_rate") == 250
+    bench.node.lib.fl_can_setup_rate(500)
+    bench.node.boot(bench.now_us)
+    assert condition(bench) == WHOLE and bench.node.value("device_bit_rate") == 250
+    bench.node.lib.fl_can_setup_rate(0)
 
 
 def test_images_of_others(bench: NodeBench) -> None:
@@ -384,8 +475,9 @@ def test_power_cut_in_a_save(bench: NodeBench) -> None:
         bench.write("velocity_window", value)
         save(bench)
     whole = bench.node.memory
-    bytes_of_slot = FLASH_SECTOR_BYTES + 4 * image_words(bench)
-    ends = [0, FLASH_SECTOR_BYTES - 1, FLASH_SECTOR_BYTES, bytes_of_slot - 1]
+    # The first word away, the sector erased, the image, at last its first word.
+    bytes_of_slot = 4 + FLASH_SECTOR_BYTES + 4 * image_words(bench)
+    ends = [*range(5), FLASH_SECTOR_BYTES + 3, FLASH_SECTOR_BYTES + 4, *range(bytes_of_slot - 5, bytes_of_slot)]
     cuts = sorted(
         {*ends, *(bytes_of_slot + end for end in ends), 2 * bytes_of_slot, *rng.sample(range(2 * bytes_of_slot), 500)}
     )
