@@ -25,6 +25,11 @@ REFUSED: dict[str, tuple[Callable[[Drive], object], type[Exception], str]] = {
     "no load": (lambda d: d.load(), TypeError, "needs a factor, or a part of the load: constant_nm, coulomb_nm"),
     "a part of no load": (lambda d: d.load(torque_nm=0.1), TypeError, "does not take torque_nm; it takes: constant_nm"),
     "a load in words": (lambda d: d.load(constant_nm="much"), ValueError, "constant_nm = 'much': must be a number"),  # type: ignore[arg-type]  # on purpose
+    "no disturbance": (lambda d: d.disturb("ia"), TypeError, "needs an error: offset_lsb, gain, noise_lsb"),
+    "a value to be set": (lambda d: setattr(d, "load_factor", 3), AttributeError, "a Drive has no load_factor to be set"),
+    "the clock": (lambda d: RisingEdge(d.dut.clk_i), TypeError, "has no edges for cocotb"),
+    "the clock's other edge": (lambda d: d.dut.clk_i.falling_edge, TypeError, "await drive.run(seconds)"),
+    "a change of the clock": (lambda d: d.dut.clk_i.value_change, TypeError, "has no edges for cocotb"),
     "a disturbance": (lambda d: d.disturb("ia", scale=0.5), TypeError, "it takes: offset_lsb, gain, noise_lsb"),
     "a detail": (lambda d: d.fault("open_phase", wings=2), TypeError, "fault 'open_phase' does not take wings"),
     "another detail": (lambda d: d.fault("supply", level=1), TypeError, "it takes: supply_v, ramp_s"),
@@ -62,6 +67,17 @@ async def wrong_use_is_refused(drive: Drive) -> None:
     ):
         with pytest.raises(ValueError, match=said):
             await waits
+
+    async def later() -> bool:
+        return False
+
+    with pytest.raises(TypeError, match="without awaiting it"):
+        await drive.until(later)
+    branch = drive.branch([1])
+    for end in branch:
+        end.keep(end.value)
+    with pytest.raises(RuntimeError, match="one loop"):
+        list(branch)
     await drive.until(drive.time_s)
     await RisingEdge(drive.dut.adc_valid_i)
     assert drive.time_s > 1e-4 and not hasattr(drive.dut, "u_safety")

@@ -173,8 +173,11 @@ async def objects_survive(dut: Any) -> None:
 
 async def told_lost(master: Master) -> None:
     """The node says that neither sector answers, and holds the limits at their least values."""
+    # The bench has no converters: that is a fault of the drive, told before or after it.
     told = await master.frame(0x80 + NODE)
-    assert told is not None and told[:2] == (0x6310).to_bytes(2, "little")
+    while told is not None and told[:2] != LOST.to_bytes(2, "little"):
+        told = await master.frame(0x80 + NODE)
+    assert told is not None
     assert told[4:6] == bytes([SILENT, SILENT])
     assert await master.read("error_register") & 0x80
     assert (await master.read("error_field_error_1")) & 0xFFFF == 0x6310

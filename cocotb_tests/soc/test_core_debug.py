@@ -20,6 +20,7 @@ from fluxlock.generate.soft_core import soft_core
 # Debug bus: addresses, bits that set and clear, bits of the state.
 CONTROL, DATA, BREAKPOINTS = 0x00, 0x04, (0x40, 0x44)
 STEP, RESET, HALT, END_RESET, RESUME = 1 << 4, 1 << 16, 1 << 17, 1 << 24, 1 << 25
+NO_EBREAK, EBREAK_HALTS = 1 << 18, 1 << 26
 IN_RESET, HALTED, BUSY, BY_BREAK = 1 << 0, 1 << 1, 1 << 2, 1 << 3
 
 EBREAK = 0x00100073
@@ -229,9 +230,17 @@ async def debugger_sees_and_leads_the_core(dut: Any) -> None:
     assert (await debugger.run_to(1, BRANCH), await debugger.register(WAIT)) == (BRANCH, 39)
     assert await debugger.step() == BRANCH - 4
 
-    # A breakpoint of the debugger's in the memory.
+    # A breakpoint of the debugger's in the memory: nothing, until `ebreak` shall halt again.
     await debugger.put(REPORT, EBREAK)
-    await debugger.write(CONTROL, RESUME)
+    await debugger.write(CONTROL, NO_EBREAK | RESUME)
+    await debugger.bench.clocks(2000)
+    assert not await debugger.state() & HALTED and debugger.reports[-1][1] == last + 1
+    await debugger.write(CONTROL, HALT)
+    await debugger.until_halted()
+    assert await debugger.register(STEPS) > last + 5
+    await debugger.execute(addi(STEPS, 0, last + 1))
+    await debugger.go_to(LOOP)
+    await debugger.write(CONTROL, EBREAK_HALTS | RESUME)
     assert (await debugger.until_break(), await debugger.register(STEPS)) == (REPORT, last + 2)
     await debugger.put(REPORT, TURN[1])
 

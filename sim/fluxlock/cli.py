@@ -229,14 +229,14 @@ def run(
         str, typer.Option(metavar="COMMAND", help='With --native: starts the simulator, for instance "gdb --args".')
     ] = "",
     gdb: Annotated[
-        str, typer.Option(metavar="[HOST]:PORT", help="Wait there for GDB or LLDB, which stops core and motor.")
-    ] = "",
+        str | None, typer.Option(metavar="[HOST]:PORT", help="Wait there for GDB or LLDB, which stops core and motor.")
+    ] = None,
 ) -> None:
     """Run a scenario in closed loop: verdict, result.json, trace.npz, plots."""
     from fluxlock.cosim.native_firmware import native_firmware
 
     firmware = native_firmware(native, sanitize, debugger)
-    if gdb and native:
+    if gdb is not None and native:
         raise ConfigError([Problem("--gdb", gdb, 'is for the core; with --native use --debugger "gdb --args"')])
     loaded = _checked(scenario, set_, allow_overload)
     for k, event in enumerate(loaded.event if native else ()):
@@ -248,7 +248,7 @@ def run(
 
 
 def _run(
-    scenario: Scenario, out_dir: Path, seed: int, waves: bool, native: NativeFirmware | None, gdb: str = ""
+    scenario: Scenario, out_dir: Path, seed: int, waves: bool, native: NativeFirmware | None, gdb: str | None = None
 ) -> None:
     """Run, write, print."""
     # Simulator and Matplotlib are slow to import and not needed by the other commands.
@@ -256,7 +256,7 @@ def _run(
     from fluxlock.cosim.debugger import gdb_server
     from fluxlock.cosim.outcome import write_outcome
 
-    chip = OnChip(waves, native, gdb_server(gdb) if gdb else None)
+    chip = OnChip(waves, native, gdb_server(gdb) if gdb is not None else None)
     debugged = native is not None and native.debugger  # the debugger has the terminal
     with nullcontext() if debugged else ProgressBar(Console(stderr=True), scenario.duration_s) as progress:
         try:

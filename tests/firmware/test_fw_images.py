@@ -14,7 +14,7 @@ from fluxlock.firmware import build_commission, build_firmware
 
 TEXT_MAX_BYTES = 119_808  # link.ld
 # Phases, method of the image with the node, None: without, all methods.
-BUDGET_BYTES = {(3, None): 117_760, (5, None): 86_016, (3, "six-step"): 98_304, (3, "vector"): 106_496}
+BUDGET_BYTES = {(3, None): 117_760, (5, None): 86_016, (3, "six-step"): 100_352, (3, "vector"): 108_544}
 COMMISSION_BYTES = 16_384
 
 
@@ -22,7 +22,7 @@ COMMISSION_BYTES = 16_384
 def test_image_is_within_its_budget(phases: int, method: str | None) -> None:
     """What grows beyond it needs a new budget, said in the page, or gives up something.
 
-    Verifies: FW-95
+    Verifies: FW-96
     """
     size = build_firmware(BUILD / "firmware", phases, method).stat().st_size
     print(f"{size} of {BUDGET_BYTES[phases, method]} bytes")
@@ -32,7 +32,7 @@ def test_image_is_within_its_budget(phases: int, method: str | None) -> None:
 def test_commissioning_program_is_small() -> None:
     """It loads fast over a serial line.
 
-    Verifies: FW-95
+    Verifies: FW-96
     """
     assert build_commission().stat().st_size <= COMMISSION_BYTES
 
@@ -40,7 +40,7 @@ def test_commissioning_program_is_small() -> None:
 def test_page_has_the_budgets() -> None:
     """Those of the images with the node.
 
-    Verifies: FW-95
+    Verifies: FW-96
     """
     page = (ROOT / "docs" / "canopen.md").read_text(encoding="utf-8")
     assert f"{TEXT_MAX_BYTES:,}".replace(",", " ") in page

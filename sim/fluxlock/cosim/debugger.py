@@ -289,8 +289,11 @@ class Debugger:
             part = TARGET[begin : begin + count]
             return ("m" if begin + count < len(TARGET) else "l") + part
         if packet.startswith("qRcmd,"):
+            asked = bytes.fromhex(packet.removeprefix("qRcmd,")).decode("ascii", errors="replace").strip()
             stop = self._core.stop
             text = f"clock {stop.cycle}, {stop.cycle / self._clock_hz:.9f} s\n"
+            if asked != "clock":
+                text = f"there is no monitor {asked or 'without a word'}; there is: monitor clock\n"
             return text.encode().hex()
         return ""
 

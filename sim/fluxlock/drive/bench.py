@@ -34,6 +34,7 @@ from fluxlock.cosim.run import chip_of, prepare
 from fluxlock.generate.registers import generate_registers
 
 SCENARIO_FILE = "scenario.pickle"  # in the plan's folder
+SEEDS = 2**31
 DRIVE_TEST = "of_a_drive"  # attribute of what `drive_test` makes
 MODULE = re.compile(r"^\s*module\s+(\w+)", re.MULTILINE)
 _led_by_others: list[Bench] = []  # whose folders a runner of the user's still needs
@@ -67,6 +68,8 @@ class Bench:
         signals = (signals,) if isinstance(signals, str) else tuple(signals)
         check_signals(signals)
         self.seed = self.scenario.seed if seed is None else seed
+        if not 0 <= self.seed < SEEDS:
+            raise ConfigError([Problem("seed", str(seed), f"must be from 0 to {SEEDS - 1}")])
         generate_registers()
         self.chip = chip_of(self.scenario, signals=signals)
         self._held = ExitStack()

@@ -120,18 +120,24 @@ class End(Generic[Value]):
 class Branch(Generic[Value]):
     """Loop over the ends of a branch; after it `kept` holds what each of them has kept, in the order of the values.
 
+    None stands for an end that has kept nothing.
+
     jobs: copies at a time.
     """
 
     def __init__(self, values: Iterable[Value], jobs: int = 1) -> None:
         self._values, self._jobs = list(values), max(1, jobs)
         self.kept: list[Any] = []
+        self._looped = False
 
     def __iter__(self) -> Iterator[End[Value]]:
         """Each end in its copy; the original waits and comes out of the loop when all have ended.
 
         Raises BranchError there if some failed.
         """
+        if self._looped:
+            raise RuntimeError("a branch has one loop; call drive.branch again for another one")
+        self._looped = True
         running: list[tuple[End[Value], Copy]] = []
         errors: list[str] = []
 

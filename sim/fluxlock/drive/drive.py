@@ -8,8 +8,9 @@ from __future__ import annotations
 import math
 import os
 import pickle
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Coroutine, Iterable
 from functools import cache
+from inspect import isawaitable
 from numbers import Real
 from pathlib import Path
 from typing import Any, TypeVar
@@ -42,6 +43,7 @@ AT_SPEED = 0.01  # of the target
 LEAST_BAND_RPM = 100.0
 PHASES = "ABCDE"
 LOAD_PARTS = ("constant_nm", "coulomb_nm", "viscous_nm_s_per_rad", "fan_nm_s2_per_rad2")
+OWN = ("dut", "session", "scenario", "registers")  # attributes of a Drive
 SENSING_ERRORS = ("offset_lsb", "gain", "noise_lsb")
 # What `fault` takes beside the phases, by kind.
 FAULT_DETAILS: dict[str, tuple[str, ...]] = {
@@ -75,6 +77,15 @@ def check_number(name: str, value: object, least: float = -math.inf) -> None:
     if not (math.isfinite(number) and number >= least):
         bound = "" if math.isinf(least) else f", at least {least:g}"
         raise ValueError(f"{name} = {value!r}: must be a number{bound}")
+
+
+def _asked(condition: Callable[[], object]) -> object:
+    found = condition()
+    if isawaitable(found):
+        if isinstance(found, Coroutine):
+            found.close()
+        raise TypeError(f"until asks {condition!r} without awaiting it: give a plain function, or await it in the test")
+    return found
 
 
 @cache
@@ -116,6 +127,12 @@ class Drive:
         self._load: PythonLoad | None = None
         cocotb.start_soon(self._keep_up())
 
+    def __setattr__(self, name: str, value: object) -> None:
+        """AttributeError for what a test cannot set: it would have no effect."""
+        if not name.startswith("_") and name not in OWN:
+            raise AttributeError(f"a Drive has no {name} to be set: load, supply, fault and set change things")
+        super().__setattr__(name, value)
+
     async def _keep_up(self) -> None:
         """Drain the logs in time, whatever the test awaits; what goes wrong there is raised at its next wait."""
         try:
@@ -139,7 +156,8 @@ class Drive:
     async def until(self, when: float | Callable[[], object], within_s: float = 1.0, every_s: float = 1e-3) -> None:
         """Until a time (s since power-up), or until a condition is true, which is asked every `every_s`.
 
-        Raises DriveError if that takes longer than `within_s`, ValueError for a time that is past.
+        Raises DriveError if that takes longer than `within_s`, ValueError for a time that is past, TypeError for a
+        condition that has to be awaited.
         """
         if not callable(when):
             check_number("when", when)
@@ -149,7 +167,7 @@ class Drive:
             await self._to(cycle)
             return
         end_s = self.time_s + within_s
-        while not when():
+        while not _asked(when):
             if self.time_s >= end_s:
                 raise DriveError(f"not true within {within_s:g} s; {self}")
             await self._to(self.session.cycle + max(1, round(every_s * self.session.plan.clock_hz)))
@@ -198,7 +216,10 @@ class Drive:
             raise DriveError(f"stopped on the way to {rpm:g} r/min; {self}")
 
     async def stop(self, now: bool = False) -> None:
-        """Tell the drive to stop: down a ramp, or `now` with its gates off."""
+        """Tell the drive to stop: down a ramp, or `now` with its gates off. Returns at once, the rotor still turns.
+
+        Before the next start: `await drive.until(lambda: drive.state == "ready")`.
+        """
         await self.console("stop now" if now else "stop")
 
     async def console(self, line: str) -> list[str]:
@@ -299,7 +320,8 @@ class Drive:
         """Change the load, in a ramp of `ramp_s` or at once.
 
         factor: of every part of the scenario's load. torques: single parts, `constant_nm`, `coulomb_nm`,
-        `viscous_nm_s_per_rad`, `fan_nm_s2_per_rad2`. TypeError for another name, or with neither.
+        `viscous_nm_s_per_rad`, `fan_nm_s2_per_rad2`; with a factor they go before it. TypeError for another name, or
+        with neither.
         """
         check_names("load", torques, LOAD_PARTS)
         if factor is None and not torques:
@@ -357,6 +379,8 @@ class Drive:
     def disturb(self, channel: str | None = None, **errors: float) -> None:
         """Put an error into the sensing: `offset_lsb` and `gain` of a channel, `noise_lsb` of all: `Plant.disturb`."""
         check_names("disturb", errors, SENSING_ERRORS)
+        if not errors:
+            raise TypeError(f"disturb needs an error: {', '.join(SENSING_ERRORS)}")
         self._act("sensor", {"channel": channel, **errors})
 
     def shaft(self, mode: str) -> None:
