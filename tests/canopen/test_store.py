@@ -368,7 +368,12 @@ def test_stored_ids_that_are_taken(bench: NodeBench) -> None:
     image, _ = slots(bench)
     at = {name: place(bench, name) for name in ("sync_cob_id", "emcy_cob_id", "tpdo1_cob_id", "rpdo1_cob_id")}
     good = sealed(image, lambda words: words.__setitem__(at["sync_cob_id"], 0x80))
-    for name, value in (("emcy_cob_id", 0x80), ("tpdo1_cob_id", 0x605), ("rpdo1_cob_id", 0), ("sync_cob_id", 0x80 + NODE)):
+    for name, value in (
+        ("emcy_cob_id", 0x80),
+        ("tpdo1_cob_id", 0x605),
+        ("rpdo1_cob_id", 0),
+        ("sync_cob_id", 0x80 + NODE),
+    ):
         moved = [*good[:4], NODE + 1, *good[5:]]
         put_slots(bench, 2 * [sealed(moved, lambda words, name=name, value=value: words.__setitem__(at[name], value))])
         bench.node.boot(bench.now_us)

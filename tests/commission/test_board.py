@@ -45,7 +45,7 @@ class Bench:
     def _program(self, flash: dict[int, bytes]) -> Answer:
         image = pack_image(build_commission().read_bytes(), 3)
         written = b"".join(flash[address] for address in sorted(flash) if address < FLASH_IMAGE + len(image))
-        assert written == image
+        assert written.startswith(image)
         self.lab = lab = AveragedBench(known_of(bench_of(PLANT, INVERTER))[0].scales, self.machine, seed=1)
         gaps = Random(5)
 

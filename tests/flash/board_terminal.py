@@ -12,7 +12,7 @@ import struct
 import threading
 import tty
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -27,17 +27,22 @@ LOOK_S = 0.02
 class BoardTerminal:
     """program: makes the console of an image with its parameter block; None: nobody has reset the board.
 
-    spoil: of a reply, its number and bytes; the bytes that arrive.
+    spoil: of a reply, its number and bytes; the bytes that arrive. around: the thread that plays it.
     """
 
     program: Callable[[dict[int, bytes]], Answer] | None
     spoil: Callable[[int, bytes], bytes] = lambda count, data: data
+    around: Callable[[], AbstractContextManager[None]] = nullcontext
     flash: dict[int, bytes] = field(default_factory=dict)  # pages by address
     lines: list[str] = field(default_factory=list)
     starts: int = 0
 
     def serve(self, host: int, over: threading.Event) -> None:
         """Answer until it is over."""
+        with self.around():
+            self._serve(host, over)
+
+    def _serve(self, host: int, over: threading.Event) -> None:
         held, replies, answer = b"", 0, None
         while not over.is_set():
             if not select.select([host], [], [], LOOK_S)[0]:

@@ -49,7 +49,7 @@ def first_start(
     flash once you reset the board. The last one stays: the scenario's drive, with the measured machine.
     """
     from fluxlock.cosim.cautions import checked
-    from fluxlock.first_start.bench import BoardBench, SimulatedBench, quiet
+    from fluxlock.first_start.bench import BoardBench, SimulatedBench, quiet, wiring_of
     from fluxlock.first_start.steps import FirstStart, StoppedError
     from fluxlock.flash.command import check_board
     from fluxlock.native.player import check_playable
@@ -61,6 +61,7 @@ def first_start(
     run = FirstStart(loaded, folder, current_share, not yes)
     if port is not None:
         check_board(loaded)
+        check_board(wiring_of(loaded))
     else:
         check_playable(quiet(loaded))
     try:
