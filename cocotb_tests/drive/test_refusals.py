@@ -26,7 +26,11 @@ REFUSED: dict[str, tuple[Callable[[Drive], object], type[Exception], str]] = {
     "a part of no load": (lambda d: d.load(torque_nm=0.1), TypeError, "does not take torque_nm; it takes: constant_nm"),
     "a load in words": (lambda d: d.load(constant_nm="much"), ValueError, "constant_nm = 'much': must be a number"),  # type: ignore[arg-type]  # on purpose
     "no disturbance": (lambda d: d.disturb("ia"), TypeError, "needs an error: offset_lsb, gain, noise_lsb"),
-    "a value to be set": (lambda d: setattr(d, "load_factor", 3), AttributeError, "a Drive has no load_factor to be set"),
+    "a value to be set": (
+        lambda d: setattr(d, "load_factor", 3),
+        AttributeError,
+        "a Drive has no load_factor to be set",
+    ),
     "the clock": (lambda d: RisingEdge(d.dut.clk_i), TypeError, "has no edges for cocotb"),
     "the clock's other edge": (lambda d: d.dut.clk_i.falling_edge, TypeError, "await drive.run(seconds)"),
     "a change of the clock": (lambda d: d.dut.clk_i.value_change, TypeError, "has no edges for cocotb"),

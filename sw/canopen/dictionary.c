@@ -62,6 +62,11 @@ uint32_t od_extend(uint32_t number, uint32_t value) {
   return negative ? cut | ~((1u << bits) - 1u) : cut;
 }
 
+uint32_t od_default(uint32_t number, uint32_t node_id) {
+  const od_entry_t *e = &entries[number];
+  return e->initial + (((e->flags & OD_NODE_RELATIVE) != 0u) ? node_id : 0u);
+}
+
 uint32_t od_check(uint32_t number, uint32_t value) {
   const od_entry_t *e = &entries[number];
   // With a sign the order is kept by turning the highest bit.

@@ -43,6 +43,8 @@ uint32_t od_find(uint32_t index, uint32_t sub, uint32_t *abort);
 uint32_t od_bytes(uint32_t number);
 // The value as its type holds it: cut, and extended by its sign.
 uint32_t od_extend(uint32_t number, uint32_t value);
+// What an entry of a node with this ID has without a master and a store.
+uint32_t od_default(uint32_t number, uint32_t node_id);
 // SDO_OK, or why the value is not allowed: out of its range, or a bit rate of which the clock has no whole bits.
 uint32_t od_check(uint32_t number, uint32_t value);
 // Text of a constant string; 0: none.

@@ -176,16 +176,11 @@ static void from_drive(canopen_t *node) {
   node->value[OD_SUPPORTED_DRIVE_MODES] = 1u << 2 | 1u << 8 | (r.torque ? 1u << 9 : 0u);
 }
 
-uint32_t objects_default(const canopen_t *node, uint32_t number) {
-  const od_entry_t *entry = od_entry(number);
-  return entry->initial + (((entry->flags & OD_NODE_RELATIVE) != 0u) ? node->node_id : 0u);
-}
-
 void objects_defaults(canopen_t *node, uint32_t first, uint32_t last) {
   for (uint32_t n = 0; n < OD_COUNT; n++) {
     const od_entry_t *entry = od_entry(n);
     if (entry->index >= first && entry->index <= last) {
-      node->value[n] = objects_default(node, n);
+      node->value[n] = od_default(n, node->node_id);
     }
   }
   if (first <= 0x2000u && last >= 0x6000u) {

@@ -20,8 +20,6 @@ uint32_t objects_write(canopen_t *node, uint32_t number, uint32_t value);
 uint32_t objects_length(const canopen_t *node, uint32_t number);
 void objects_bytes(const canopen_t *node, uint32_t number, uint32_t offset, uint8_t *data, uint32_t count);
 
-// What an entry has without a master and a store.
-uint32_t objects_default(const canopen_t *node, uint32_t number);
 // Defaults of the entries with first <= index <= last, and what the drive gives.
 void objects_defaults(canopen_t *node, uint32_t first, uint32_t last);
 

@@ -3,7 +3,6 @@
 
 #include "canopen/abort.h"
 #include "canopen/canopen.h"
-#include "canopen/objects.h"
 #include "canopen/pdo.h"
 #include "control/placement.h"
 
@@ -62,7 +61,7 @@ bool pdo_id_is_free(const canopen_t *node, uint32_t number, uint32_t can_id) {
 
 static bool taken(const canopen_t *node, uint32_t number) {
   const uint32_t value = node->value[number];
-  const bool chosen = value != objects_default(node, number);
+  const bool chosen = value != od_default(number, node->node_id);
   return chosen && (value & DISABLED) == 0u && !pdo_id_is_free(node, number, value & 0x7FFu);
 }
 

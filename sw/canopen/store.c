@@ -5,7 +5,6 @@
 
 #include "canopen/abort.h"
 #include "canopen/canopen.h"
-#include "canopen/objects.h"
 #include "control/crc32.h"
 #include "control/placement.h"
 
@@ -156,7 +155,7 @@ static void check_ids(canopen_t *node) {
   for (uint32_t n = pdo_id_taken(node); n != OD_COUNT; n = pdo_id_taken(node)) {
     node->store.index = (node->store.index != 0u) ? node->store.index : od_entry(n)->index;
     node->store.state = STORE_LOST;
-    node->value[n] = objects_default(node, n);
+    node->value[n] = od_default(n, node->node_id);
   }
 }
 
