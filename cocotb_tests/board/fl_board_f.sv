@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 Fluxlock contributors
 // SPDX-License-Identifier: Apache-2.0 WITH SHL-2.1
 
-// Proof of the way from fault pin, lock and monitors to the pins of a board: whatever the chip asks for, and whatever any
+// Proof of the way from fault pin, lock, reset and monitors to the pins of a board: whatever the chip asks for, and whatever any
 // flip-flop holds, gates and enable are off in the same instant. The properties hold in every state on their own, with no
 // step of any clock: no clocked flip-flop can be in between. The task logic frees the flip-flops with an asynchronous clear
-// as well: fault pin and lock reach the pins without any flip-flop.
+// as well: fault pin, lock and the chip's reset reach the pins without any further flip-flop.
 `default_nettype none
 module fl_board_f #(
     parameter bit HighActiveLow = 1'b0,
@@ -39,15 +39,16 @@ module fl_board_f #(
   assign gates_off = gate_h_o == {3{HighActiveLow}} && gate_l_o == {3{LowActiveLow}} && !driver_enable_o;
 
   always_comb begin
-    // Verifies: CLK-02, CLK-03
+    // Verifies: CLK-02, CLK-03, CLK-07
     a_pin : assert (!fault_pin_i || gates_off);
     a_lock : assert (locked_i || (gates_off && !brake_o));
+    a_reset : assert (!dut.rst_q || (gates_off && !brake_o));
     a_clock : assert (!dut.clk_bad || (gates_off && !brake_o));
     a_oscillator : assert (!dut.osc_bad || (gates_off && !brake_o));
     // Without all of these the pins are the chip's.
-    a_chip : assert (!locked_i || fault_pin_i || !dut.gates_ok ||
+    a_chip : assert (!locked_i || dut.rst_q || fault_pin_i || !dut.gates_ok ||
                      {gate_h_o, gate_l_o, driver_enable_o} == {dut.gate_h, dut.gate_l, dut.driver_enable});
-    a_brake : assert (!locked_i || !dut.clocks_ok || brake_o == dut.brake);
+    a_brake : assert (!locked_i || dut.rst_q || !dut.clocks_ok || brake_o == dut.brake);
   end
 
 endmodule

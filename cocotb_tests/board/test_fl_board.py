@@ -297,6 +297,44 @@ async def clock_stops_in_every_state(dut: Any, state: str) -> None:
 
 
 @cocotb.test
+@cocotb.parametrize(cause=["button_i", "locked_i"], state=["six-step", "vector", "fault, shorted"])
+async def clock_stops_in_every_period_of_a_reset(dut: Any, cause: str, state: str) -> None:
+    """Before the chip's reset the monitor finds it, from then on all is off at once: the monitors no longer watch."""
+    clock = (await run_up(dut)).clock
+    pin, active = getattr(dut, cause), int(cause == "button_i")
+    in_reset = []
+    for period in [*range(9), *random.sample(range(9, RESET_CYCLES - 10), 2)]:
+        await enter(dut, state)
+        while all_off(dut):
+            await FallingEdge(dut.clk_i)
+        await Timer(random.randrange(1, CLOCK_NS), "ns")
+        pin.value = active
+        await Timer(1, "ns")
+        if cause == "locked_i":
+            pin.value = 1 - active  # seen by no clock edge
+        for _ in range(period):
+            await RisingEdge(dut.clk_i)
+        await Timer(random.randrange(1, CLOCK_NS), "ns")
+        clock.stop()
+        in_reset.append(dut.u_soc.rst_i.value == 1)
+        if cause == "button_i" and not in_reset[-1]:
+            await Timer(STOP_TO_OFF * OSC_NS, "ns")
+        assert dut.driver_enable_o.value == 0, f"{period} edges after the cause"
+        await stays_off(dut, 3_000)
+        if random.randrange(2):
+            pin.value = 1 - active
+        await stays_off(dut, 3_000)
+        assert dut.led_o.value[0] == 0
+        clock = oscillate(dut.clk_i, CLOCK_NS)
+        await stays_off(dut, CLOCK_NS * 5)
+        dut.hall_i.value, dut.encoder_i.value = 0, 0
+        await stays_off(dut, 3_000)
+        pin.value = 1 - active
+        await reset_by_button(dut)
+    assert {False, True} == set(in_reset)
+
+
+@cocotb.test
 @cocotb.parametrize(period_ns=[2, 8, 10, 12, 32, 40, 100, 2000])
 async def clock_too_fast_or_slow(dut: Any, period_ns: int) -> None:
     """31 MHz or less, 83 MHz or more: off within three beats of that clock or the time of a stop, until a reset."""
@@ -441,9 +479,9 @@ async def enable_toggles_while_the_gates_are_permitted(dut: Any) -> None:
 
 @pytest.mark.parametrize("polarity", [0, 1, 2])
 def test_fl_board(polarity: int) -> None:
-    """Reset times; bad and missed conversions and the fault pin to the gates; clocks that stop or are wrong, lost lock.
+    """Reset; bad and missed conversions and the fault pin to the gates; clocks that stop, also in a reset, or are wrong.
 
-    Verifies: BRD-08, CLK-02, CLK-03, CLK-04, CLK-05
+    Verifies: BRD-08, CLK-02, CLK-03, CLK-04, CLK-05, CLK-07
     """
     sources = [
         "common/fl_sync.sv",

@@ -66,9 +66,32 @@ async def loss_of_any_length_resets(dut: Any) -> None:
         assert dut.rst_o.value == 0
 
 
+@cocotb.test
+async def lock_comes_and_goes_at_any_time(dut: Any) -> None:
+    """A lock counts from the third edge on; one in the pause ends it, so that the next loss has its pulse at once."""
+    pulse, repeat = int(dut.PulseCycles.value), int(dut.RepeatCycles.value)
+    await begin(dut, 1)
+    edges, count = 2, 0  # since the lock is there; of the period that a loss has begun
+    change_in = 0
+    for _ in range(300 * repeat):
+        await RisingEdge(dut.clk_i)
+        idle = edges >= 2 and (count == 0 or count >= pulse)
+        expected = not idle and count < pulse
+        count = 0 if idle else (count + 1) % repeat
+        edges += int(dut.locked_i.value)
+        await Timer(random.randrange(1, PERIOD_NS - 2), "ns")
+        assert int(dut.rst_o.value) == expected
+        if change_in == 0:
+            dut.locked_i.value = 1 - int(dut.locked_i.value)
+            edges = 0
+            change_in = random.choice([0, 1, 2, random.randrange(repeat), random.randrange(3 * repeat)])
+        else:
+            change_in -= 1
+
+
 @pytest.mark.parametrize(("pulse", "repeat"), [(5, 16), (8, 9), (2, 3)])
 def test_fl_pll_reset(pulse: int, repeat: int) -> None:
-    """Pulse and pause of several lengths, losses of any length.
+    """Pulse and pause of several lengths, losses of any length, a lock that comes and goes.
 
     Verifies: CLK-05
     """

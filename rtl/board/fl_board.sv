@@ -14,7 +14,8 @@
 //                        BeatLeast or more than BeatMost clocks of osc_i. Stopped: after BeatMost + 3 clocks of osc_i.
 //   osc_i wrong          the monitor in the domain of clk_i, until a reset (this one needs clk_i)
 //   fault_pin_i high     at once, by logic alone; a pulse, however short, also trips the chip
-// The first three turn off the brake too. A wrong clock is the trip "clock" of a chip that still runs.
+//   rst_q high           at once, by logic alone: the edge that begins a reset may be the last one of clk_i
+// All but the fault pin turn off the brake too. A wrong clock is the trip "clock" of a chip that still runs.
 // driver_enable_o toggles while the chip permits the gates and none of these is there; a pin that stands is no enable.
 // fl_pll_reset resets a PLL without lock, by pll_rst_o.
 //
@@ -158,7 +159,7 @@ module fl_board
   );
 
   // Both fall without a clock. clocks_ok: no reset, no clock that is wrong. gates_ok: no fault pin either.
-  logic clocks_wrong, clocks_ok, pin_ok, gates_ok, pins_on;
+  logic clocks_wrong, clocks_ok, pin_ok, gates_ok, runs, pins_on;
   assign clocks_wrong = !locked_i || clk_bad || osc_bad;
   fl_async_clear #(
       .Stages(1)
@@ -185,7 +186,9 @@ module fl_board
       .ok_i   (locked && !rst_q && pin_ok),
       .ok_o   (gates_ok)
   );
-  assign pins_on = gates_ok && locked_i && !fault_pin_i;
+  // rst_q as it is, too: the two above fall at its next clock edge, and a clock that stops before that one goes unwatched.
+  assign runs    = clocks_ok && locked_i && !rst_q;
+  assign pins_on = gates_ok && locked_i && !rst_q && !fault_pin_i;
 
   logic adc_strobe, adc_valid, adc_missed, adc_fault;
   adc_code_t [Channels-1:0] adc_code;
@@ -284,10 +287,10 @@ module fl_board
   // No flip-flop in between: without a clock none would turn a gate off.
   assign gate_h_o        = HighActiveLow ? gate_h | {Phases{!pins_on}} : gate_h & {Phases{pins_on}};
   assign gate_l_o        = LowActiveLow ? gate_l | {Phases{!pins_on}} : gate_l & {Phases{pins_on}};
-  assign brake_o         = brake && clocks_ok && locked_i;
+  assign brake_o         = brake && runs;
   assign driver_enable_o = driver_enable && pins_on;
 
-  assign led_o = {adc_seen, fault_pin_i, clocks_ok};
+  assign led_o = {adc_seen, fault_pin_i, runs};
 
 endmodule
 `default_nettype wire

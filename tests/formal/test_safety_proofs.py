@@ -877,9 +877,9 @@ BROKEN = {
     "brake past its clocks": (
         "fl_board",
         BOARD,
-        "brake && clocks_ok && locked_i",
+        "brake && runs",
         "brake",
-        "a_lock a_clock a_oscillator",
+        "a_lock a_reset a_clock a_oscillator",
     ),
     "monitor of the clock not asked": ("fl_board:free", BOARD, "!locked_i || clk_bad ||", "!locked_i ||", "a_clock"),
     "monitor of the oscillator not asked": (
@@ -892,7 +892,7 @@ BROKEN = {
     "fault pin turns the brake off": (
         "fl_board",
         BOARD,
-        "brake && clocks_ok && locked_i",
+        "brake && runs",
         "brake && pins_on",
         "a_brake",
     ),
@@ -903,8 +903,16 @@ BROKEN = {
         "gates_ok && !button_i && locked_i &&",
         "a_chip",
     ),
-    "fault pin by flip-flops alone": ("fl_board:logic", BOARD, "locked_i && !fault_pin_i;", "locked_i;", "a_pin"),
+    "fault pin by flip-flops alone": ("fl_board:logic", BOARD, "!rst_q && !fault_pin_i;", "!rst_q;", "a_pin"),
     "lock by flip-flops alone": ("fl_board:logic", BOARD, "gates_ok && locked_i &&", "gates_ok &&", "a_lock"),
+    "reset of the gates a clock later": (
+        "fl_board",
+        BOARD,
+        "locked_i && !rst_q && !fault_pin_i;",
+        "locked_i && !fault_pin_i;",
+        "a_reset",
+    ),
+    "reset of the brake a clock later": ("fl_board", BOARD, "locked_i && !rst_q;", "locked_i;", "a_reset"),
 }
 
 

@@ -183,6 +183,21 @@ def test_defects_of_a_clock_are_not_tried() -> None:
     assert stopped and equal_mutants(APART, netlist, stopped) == set()
 
 
+def test_proof_with_an_asynchronous_clear() -> None:
+    """Equal where the clear says the same twice, different without the register; the clear itself is not tried.
+
+    Verifies: MUT-02
+    """
+    cleared = Block("fl_cleared", (str(HERE / "fl_cleared.sv"),), (), 0.0, reset="clear_i")
+    netlist = make_netlist(cleared, 200, 1)
+    equal, different = (
+        named(cleared, netlist, f"stage_q[1] && !clear_i: 20-42 {port}[0] stuck at 1") for port in ("B", "A")
+    )
+    clears = [m for m in netlist.mutants if m.port.startswith("ARST[")]
+    tried = [m for m in netlist.mutants if m.number in (equal, different)]
+    assert clears and equal_mutants(cleared, netlist, [*tried, *clears]) == {equal}
+
+
 def test_signals_of_a_module() -> None:
     text = (
         '  attribute \\src "a.sv:1.2"\n  wire width 4 input 3 \\word_i\n  wire output 2 \\y_o\n'

@@ -41,7 +41,8 @@ outputs alone. For that block and mutant run side by side with the same inputs, 
 has in its place for as long as that takes to act. Each register begins with any value, the same in both. That their
 outputs agree for ever is proved by induction over up to four clocks (`sat -tempinduct`), if need be together with the
 claim that registers agree, always or as long as a flag of the block is 0 (or 1). What is not decided within two minutes
-of processor time has survived.
+of processor time has survived. A block with registers that an input clears without a clock is held to one step from any
+state, and a defect of its clear is not tried.
 """
 
 

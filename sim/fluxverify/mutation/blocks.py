@@ -81,6 +81,23 @@ BLOCKS = {
             reset_clocks=3,  # through its synchroniser
         ),
         Block(
+            name="fl_async_clear",
+            sources=("safety/fl_async_clear.sv",),
+            test_modules=("cocotb_tests.safety.test_fl_async_clear",),
+            goal_percent=95.0,
+            parameters={"Stages": 4},  # the most that a board has
+            reset="clear_i",
+        ),
+        Block(
+            name="fl_pll_reset",
+            sources=("safety/fl_async_clear.sv", "board/fl_pll_reset.sv"),
+            test_modules=("cocotb_tests.board.test_fl_pll_reset",),
+            goal_percent=95.0,
+            parameters={"PulseCycles": 5, "RepeatCycles": 16},  # pulses and pauses are run out in full
+            reset="locked_i",  # high: it comes to rest, after the rest of a pulse
+            reset_clocks=21,
+        ),
+        Block(
             name="fl_driver_enable",
             sources=("safety/fl_driver_enable.sv",),
             test_modules=("cocotb_tests.safety.test_fl_driver_enable",),

@@ -7,6 +7,9 @@ Register by register: the block as it is and the mutant are joined at registers 
 structurally the same is merged, the rest is proved for all inputs and all states in which the registers agree (Yosys
 `equiv_*`, induction over `STEPS` clocks): no sequence of inputs tells them apart, once both have started alike. A
 mutant that changes a register is not proved this way; whether it ever changes an output is tried next (`product`).
+
+A proof sees inputs once a clock. A register that an input clears without a clock has states that no such step leads to,
+so a block with one is held to a single step from any state, and nothing else is tried (`is_cleared`).
 """
 
 from __future__ import annotations
@@ -25,6 +28,11 @@ MARK = "mutant under proof:"
 MAPPED = {"$dff", "$dffe", "$mux", "$eq", "$and", "$logic_and", "$logic_not", "$not", "$reduce_and", "$reduce_or"}
 
 
+def is_cleared(netlist: Netlist) -> bool:
+    """True if the block has flip-flops with an asynchronous control."""
+    return " cell $adff " in netlist.original.read_text()
+
+
 def _commands(block: Block, netlist: Netlist, mutant: Mutant) -> list[str]:
     def prepared(name: str, *edits: str) -> list[str]:
         return [
@@ -33,6 +41,7 @@ def _commands(block: Block, netlist: Netlist, mutant: Mutant) -> list[str]:
             "memory_map",
             "opt_clean",
             "rename -hide w:* t:$*ff* %x:+[Q] %d",  # joined are registers and ports, not what lies between
+            "async2sync",
             f"rename {block.name} {name}",
             f"design -stash {name}",
         ]
@@ -50,7 +59,7 @@ def _commands(block: Block, netlist: Netlist, mutant: Mutant) -> list[str]:
         "hierarchy -top equiv",
         f"equiv_struct -icells {forward}",
         "equiv_simple",
-        f"equiv_induct -seq {STEPS}",
+        f"equiv_induct -seq {1 if is_cleared(netlist) else STEPS}",
         "equiv_status",
         "design -reset",
     ]
@@ -72,9 +81,10 @@ def unproved(log: str) -> dict[int, set[str]]:
 def equal_mutants(block: Block, netlist: Netlist, mutants: Sequence[Mutant]) -> set[int]:
     """Numbers of those of `mutants` that are proved to be the block itself.
 
-    Defects of a clock are not tried: the proofs take every register to have the clock of the others.
+    Defects of a clock or of an asynchronous clear are not tried: the proofs take every register to have the clock of the
+    others, and a clear to last for a clock.
     """
-    mutants = [mutant for mutant in mutants if not mutant.port.startswith("CLK[")]
+    mutants = [mutant for mutant in mutants if not mutant.port.startswith(("CLK[", "ARST["))]
     if not mutants:
         return set()
     work = folder(block)
@@ -87,5 +97,6 @@ def equal_mutants(block: Block, netlist: Netlist, mutants: Sequence[Mutant]) -> 
     return {
         mutant.number
         for mutant in mutants
-        if not (apart := left[mutant.number]) or equal_at_the_outputs(block, netlist, mutant, apart)
+        if not (apart := left[mutant.number])
+        or (not is_cleared(netlist) and equal_at_the_outputs(block, netlist, mutant, apart))
     }
