@@ -479,7 +479,7 @@ async def enable_toggles_while_the_gates_are_permitted(dut: Any) -> None:
 
 @pytest.mark.parametrize("polarity", [0, 1, 2])
 def test_fl_board(polarity: int) -> None:
-    """Reset; bad and missed conversions and the fault pin to the gates; clocks that stop, also in a reset, or are wrong.
+    """Reset; bad and missed conversions, fault pin to the gates; clocks that stop, also in a reset, or are wrong.
 
     Verifies: BRD-08, CLK-02, CLK-03, CLK-04, CLK-05, CLK-07
     """

@@ -81,8 +81,8 @@ def unproved(log: str) -> dict[int, set[str]]:
 def equal_mutants(block: Block, netlist: Netlist, mutants: Sequence[Mutant]) -> set[int]:
     """Numbers of those of `mutants` that are proved to be the block itself.
 
-    Defects of a clock or of an asynchronous clear are not tried: the proofs take every register to have the clock of the
-    others, and a clear to last for a clock.
+    Defects of a clock or of an asynchronous clear are not tried: the proofs take every register to have the clock of
+    the others, and a clear to last for a clock.
     """
     mutants = [mutant for mutant in mutants if not mutant.port.startswith(("CLK[", "ARST["))]
     if not mutants:
