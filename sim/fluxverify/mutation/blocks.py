@@ -34,6 +34,8 @@ class Block:
 _PWM = ("pwm/fl_sequencer.sv", "pwm/fl_pwm_state.sv", "safety/fl_gate_guard.sv", "cocotb_tests/pwm/fl_pwm_chain.sv")
 _ZCD = ("fl_asin_pkg", "fl_angle_time", "fl_interpolator", "fl_crossing_time", "fl_zcd")
 
+# fl_board is not here: its tests look at the chip's stand-in and the monitors by name, and a flat netlist has neither.
+# Broken copies of its gate path stand in tests/formal/test_safety_proofs.py.
 BLOCKS = {
     block.name: block
     for block in (
@@ -75,8 +77,9 @@ BLOCKS = {
             test_modules=("cocotb_tests.safety.test_fl_clock_monitor",),
             goal_percent=95.0,
             left_out=("bad_from_configuration_on",),  # of the first clocks of a simulation, and by name of a register
-            parameters={"BeatCycles": 4, "LeastCycles": 5, "MostCycles": 9},  # intervals are run out in full
-            environment={"MONITOR_SIZES": "4 5 9"},
+            # Intervals are run out in full; limits off the powers of two, which other orders of the count would keep.
+            parameters={"BeatCycles": 4, "LeastCycles": 6, "MostCycles": 11},
+            environment={"MONITOR_SIZES": "4 6 11"},
             reset="hold_i",
             reset_clocks=3,  # through its synchroniser
         ),
