@@ -34,6 +34,7 @@ TESTS = (
     "canopen",
     "config",
     "commission",
+    "first_start",
     "figures",
     "docs",
     "coverage",
