@@ -220,7 +220,10 @@ def test_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[
     [
         (["scenarios/none.toml"], "none.toml"),
         (["scenarios/demo.toml"], 'drive.method: the test needs method = "vector" with the same motor'),
-        (["scenarios/vector/start.toml", "--port", "/dev/none"], "--port: /dev/none: is not a serial port that you may read"),
+        (
+            ["scenarios/vector/start.toml", "--port", "/dev/none"],
+            "--port: /dev/none: is not a serial port that you may read",
+        ),
         (["scenarios/vector/start.toml", "--chip", "--port", "/dev/none"], "exclude each other"),
         (["scenarios/vector/start.toml", "--can", "virtual:x", "--port", "/dev/none"], "exclude each other"),
         (["scenarios/vector/start.toml", "--can", "virtual:x"], "can: with node-ID and bit rate"),
