@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 
 // Emergency object: the set of active causes. Each one's beginning and end is told, and its next beginning again;
-// beginnings enter the list 0x1003, the error register 0x1001 holds the bits of what is active, and bit 0 for as long as the operation is in a fault.
+// beginnings enter the list 0x1003, the error register 0x1001 holds the bits of what is active, and bit 0 for as long as the
+// operation is in a fault.
 //
 // The end of a cause has code 0, the register of what is left, and the code that has ended in bytes 4 and 5.
 #ifndef FL_EMCY_H
@@ -56,6 +57,8 @@ void emcy_set(canopen_t *node, emcy_cause_t cause, uint32_t detail);
 // The fault of the drive with its code; fault: its number.
 void emcy_set_drive(canopen_t *node, uint32_t fault);
 void emcy_clear(canopen_t *node, emcy_cause_t cause);
+// The error register, after the operation's state has changed.
+void emcy_show(canopen_t *node);
 // An event of a cause that ends when none has come for 2 s.
 void emcy_event(canopen_t *node, emcy_cause_t cause, uint32_t detail);
 // EMCY code of a fault number of the drive, 0: no fault.

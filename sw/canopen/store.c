@@ -95,7 +95,7 @@ static uint32_t read_newest(canopen_t *node) {
   if (newest != STORE_SLOTS && !stale) {
     store->state = (copies == STORE_SLOTS) ? STORE_WHOLE : STORE_COPY;
   } else {
-    store->state = (blank && !stale) ? STORE_EMPTY : STORE_LOST;
+    store->state = blank ? STORE_EMPTY : STORE_LOST;
   }
   return newest;
 }
@@ -172,9 +172,7 @@ void store_load(canopen_t *node, uint32_t first, uint32_t last) {
     load_image(node, first, last);
     check_ids(node);
   }
-  if (first <= 0x2000u && last >= 0x2000u) {
-    check_setup(node);
-  }
+  check_setup(node);
   for (uint32_t n = 0; n < OD_COUNT && node->store.state == STORE_LOST; n++) {
     const od_entry_t *entry = od_entry(n);
     if ((entry->flags & OD_LIMIT) != 0u && entry->index >= first && entry->index <= last) {

@@ -22,8 +22,8 @@ void flash_read(uint32_t address, uint8_t *data, size_t bytes);
 // Erase the sector of FLASH_SECTOR_BYTES that begins at address. false: not done within ERASE_MS.
 bool flash_erase(uint32_t address);
 
-// Write up to FLASH_PAGE_BYTES within one page that has been erased, or zeros anywhere, and read them back. false: not done within
-// PROGRAM_MS, or the flash holds something else.
+// Write up to FLASH_PAGE_BYTES within one page that has been erased, or zeros anywhere, and read them back. false: not done
+// within PROGRAM_MS, or the flash holds something else.
 bool flash_program(uint32_t address, const uint8_t *data, size_t bytes);
 
 #endif

@@ -393,6 +393,8 @@ def test_bit_rate_beside_the_parameters(bench: NodeBench) -> None:
         assert condition(bench) == LOST and bench.node.value("device_bit_rate") == default, rate
         assert bench.until("fault", 0.1)
         assert bench.taken(0x80 + NODE)[-1] == struct.pack("<HBxBBH", 0x6310, 0x81, 0, 0, 0x2000)
+        bench.nmt(130)
+        assert condition(bench) == LOST, "a reset of the communication alone ends nothing"
     bench.write("device_bit_rate", 250)
     save(bench)
     bench.node.boot(bench.now_us)

@@ -79,7 +79,7 @@ def test_a_machine_at_a_port_is_found(tmp_path: Path) -> None:
     """
     bench, out = Bench(spoil=refused), tmp_path / "found.toml"
     board = bench.board()
-    with behind_a_terminal(board) as port:
+    with behind_a_terminal(board.serve) as port:
         code, said, _ = identify(port, out)
     assert code == 0 and said.startswith("ok: measured; "), said
     assert board.starts == 1 and board.lines[-1] == "o"
@@ -97,7 +97,7 @@ def test_what_its_file_states_otherwise_is_told(tmp_path: Path) -> None:
     Verifies: IDENT-11
     """
     bench = Bench(Machine(ld_h=44e-6, lq_h=44e-6))
-    with behind_a_terminal(bench.board()) as port:
+    with behind_a_terminal(bench.board().serve) as port:
         code, said, _ = identify(port, tmp_path / "found.toml")
     assert code == 0 and "off its file by more than 20 %" in said and "L d +" in said, said
 
@@ -131,7 +131,7 @@ def test_what_goes_wrong_is_a_line(
     """
     monkeypatch.setattr(board_console, "REPLY_S", 0.5)
     board, out = Bench(spoil=spoil).board(), tmp_path / "found.toml"
-    with behind_a_terminal(board) as port:
+    with behind_a_terminal(board.serve) as port:
         code, said, error = identify(port, out)
     last = error.strip().splitlines()[-1]
     assert code == 1 and not said and text in last and "Traceback" not in error, error
@@ -143,7 +143,7 @@ def test_a_board_that_nobody_resets(tmp_path: Path) -> None:
 
     Verifies: IDENT-11
     """
-    with behind_a_terminal(BoardTerminal(None)) as port:
+    with behind_a_terminal(BoardTerminal(None).serve) as port:
         code, _, error = identify(port, tmp_path / "found.toml", "--wait-s", "0.2")
     assert code == 1 and "reset the board" in error.strip().splitlines()[-1]
 

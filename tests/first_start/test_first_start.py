@@ -14,13 +14,14 @@ from typer.testing import CliRunner
 
 from fluxlock.base.stage import Progress
 from fluxlock.cli import app
+from fluxlock.commission.bench import bench_for
 from fluxlock.commission.simulate import Measured, known_of
 from fluxlock.config import ConfigError, Motor, Scenario, load_motor, load_scenario
 from fluxlock.cosim.parameters import parameter_block
 from fluxlock.firmware import build_commission
 from fluxlock.firmware.host import one_at_a_time
 from fluxlock.first_start import bench as benches
-from fluxlock.first_start.bench import SimulatedBench, commissioning_of, wiring_of
+from fluxlock.first_start.bench import SimulatedBench, wiring_of
 from fluxlock.first_start.steps import FirstStart
 from fluxlock.first_start.turn import COAST_S, Lead, TurnError
 from fluxlock.flash import board_console
@@ -49,7 +50,7 @@ def averaged(scenario: Scenario) -> AveragedBench:
         m.load.viscous_nm_s_per_rad,
         m.load.fan_nm_s2_per_rad2,
     )
-    return AveragedBench(known_of(commissioning_of(scenario))[0].scales, machine, seed=1)
+    return AveragedBench(known_of(bench_for(scenario))[0].scales, machine, seed=1)
 
 
 @pytest.fixture
@@ -58,7 +59,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def identify(self: SimulatedBench, scenario: Scenario, progress: Progress) -> Measured:
         lab = averaged(scenario)
-        return Measured(converse(lab, known_of(commissioning_of(scenario))[0].conversation()), lab.time_s, 1.0)
+        return Measured(converse(lab, known_of(bench_for(scenario))[0].conversation()), lab.time_s, 1.0)
 
     monkeypatch.setattr(SimulatedBench, "identify", identify)
 
@@ -169,7 +170,7 @@ def test_at_a_board(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(board_console, "REPLY_S", 60.0)  # a twin may be compiled first
     scenario = load_scenario(SPINDLE, [CONVERSION])
     board = BoardTerminal(TwinBoard(scenario), around=one_at_a_time)
-    with behind_a_terminal(board) as port:
+    with behind_a_terminal(board.serve) as port:
         arguments = ("--yes", "--out", str(tmp_path), "--set", CONVERSION, "--port", str(port))
         code, said, told = first_start(SPINDLE, *arguments)
     assert code == 0, (said, told)
@@ -188,7 +189,7 @@ def test_a_board_that_nobody_resets(tmp_path: Path) -> None:
 
     Verifies: FST-04, FST-03
     """
-    with behind_a_terminal(BoardTerminal(None)) as port:
+    with behind_a_terminal(BoardTerminal(None).serve) as port:
         arguments = ("--yes", "--out", str(tmp_path), "--set", CONVERSION, "--wait-s", "0.2", "--port", str(port))
         code, _, told = first_start(SPINDLE, *arguments)
     assert code == 1 and "failed: wiring: no loader answers: reset the board" in told

@@ -87,12 +87,12 @@ class BoardTerminal:
 
 
 @contextmanager
-def behind_a_terminal(board: BoardTerminal) -> Iterator[Path]:
-    """Its serial port."""
+def behind_a_terminal(serve: Callable[[int, threading.Event], None]) -> Iterator[Path]:
+    """The serial port whose other end is served, in a thread, until an event."""
     host, end = pty.openpty()
     tty.setraw(end)
     over = threading.Event()
-    thread = threading.Thread(target=board.serve, args=(host, over), daemon=True)
+    thread = threading.Thread(target=serve, args=(host, over), daemon=True)
     thread.start()
     try:
         yield Path(os.ttyname(end))

@@ -25,21 +25,19 @@ from fluxlock.live.board import Board, BoardPlan, core_load
 from fluxlock.live.source import RefusedError
 from fluxlock.live.traces import NAMES
 from fluxlock.native.player import player
+from tests.flash.board_terminal import behind_a_terminal
 
 SPINDLE = "scenarios/own-spindle.toml"
 STEP_S = 0.02  # simulated for each line
 
 
 @contextmanager
-def behind_a_terminal() -> Iterator[Path]:
+def spindle_behind_a_terminal() -> Iterator[Path]:
     """A drive that answers on a terminal, and goes on a little with every line."""
-    host, end = pty.openpty()
     play = player(load_scenario(SPINDLE), 1, 0.5)
     play.advance(0.01)
 
-    over = threading.Event()
-
-    def serve() -> None:
+    def serve(host: int, over: threading.Event) -> None:
         text = b""
         while not over.is_set():
             if not select.select([host], [], [], 0.02)[0]:
@@ -53,16 +51,8 @@ def behind_a_terminal() -> Iterator[Path]:
                 replies = play.firmware.command(line.decode())
                 os.write(host, "".join(f"{reply}\r\n" for reply in replies).encode())
 
-    thread = threading.Thread(target=serve, daemon=True)
-    thread.start()
-    try:
-        yield Path(os.ttyname(end))
-    finally:
-        # Before the numbers of the files are another test's.
-        over.set()
-        thread.join()
-        os.close(end)
-        os.close(host)
+    with behind_a_terminal(serve) as port:
+        yield port
 
 
 def test_a_board_is_led_by_its_console() -> None:
@@ -71,7 +61,7 @@ def test_a_board_is_led_by_its_console() -> None:
     Verifies: LIVE-11
     """
     scenario = load_scenario(SPINDLE)
-    with behind_a_terminal() as port:
+    with spindle_behind_a_terminal() as port:
         source = Board(BoardPlan(port, scenario))
         told = source.hello()
         assert {entry["name"] for entry in told["settings"]} >= {"speed_rpm", "accel_rpm_s", "current_limit_a"}

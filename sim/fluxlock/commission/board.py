@@ -32,7 +32,10 @@ def converse(dialogue: Dialogue, port: Port, progress: Progress | None = None) -
 
     Raises what the dialogue raises, and MeasurementError if the board is silent.
     """
-    console, begin_s = Console(port), time.monotonic()
+    try:
+        console, begin_s = Console(port), time.monotonic()
+    except SilentError as error:
+        raise MeasurementError(str(error)) from None
     try:
         talk = dialogue.conversation()
         line = next(talk)

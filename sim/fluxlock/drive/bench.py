@@ -26,6 +26,7 @@ from cocotb_tools.runner import Runner, get_runner
 from fluxlock.base.paths import BUILD, content_hash, shipped, tool_environment
 from fluxlock.base.writable import InUseError, file_lock
 from fluxlock.config import ConfigError, Problem, Scenario, load_scenario
+from fluxlock.config.scenario import SEED_MAX
 from fluxlock.cosim.block import check_results
 from fluxlock.cosim.chip import TOP, rtl_sources
 from fluxlock.cosim.launch import bytecode_environment
@@ -34,7 +35,6 @@ from fluxlock.cosim.run import chip_of, prepare
 from fluxlock.generate.registers import generate_registers
 
 SCENARIO_FILE = "scenario.pickle"  # in the plan's folder
-SEEDS = 2**31
 DRIVE_TEST = "of_a_drive"  # attribute of what `drive_test` makes
 MODULE = re.compile(r"^\s*module\s+(\w+)", re.MULTILINE)
 _led_by_others: list[Bench] = []  # whose folders a runner of the user's still needs
@@ -68,8 +68,8 @@ class Bench:
         signals = (signals,) if isinstance(signals, str) else tuple(signals)
         check_signals(signals)
         self.seed = self.scenario.seed if seed is None else seed
-        if not 0 <= self.seed < SEEDS:
-            raise ConfigError([Problem("seed", str(seed), f"must be from 0 to {SEEDS - 1}")])
+        if not 0 <= self.seed <= SEED_MAX:
+            raise ConfigError([Problem("seed", str(seed), f"must be from 0 to {SEED_MAX}")])
         generate_registers()
         self.chip = chip_of(self.scenario, signals=signals)
         self._held = ExitStack()

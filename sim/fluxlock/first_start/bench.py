@@ -14,12 +14,11 @@ from typing import Protocol
 from rich.console import Console as Terminal
 
 from fluxlock.base.stage import Progress
-from fluxlock.commission.bench import SCENARIO as BENCH_FILE
+from fluxlock.commission.bench import bench_for
 from fluxlock.commission.board import measure_on_board
-from fluxlock.commission.procedure import CURRENT_SHARE
 from fluxlock.commission.simulate import Measured as Identified
 from fluxlock.commission.simulate import measure
-from fluxlock.config import Motor, Scenario, load_scenario
+from fluxlock.config import Motor, Scenario
 from fluxlock.config.drive import MotorError
 from fluxlock.cosim.parameters import check_parameters
 from fluxlock.first_start.turn import Drive
@@ -49,18 +48,9 @@ class Bench(Protocol):
         """The scenario's drive, which knows the machine by the measured file."""
 
 
-def commissioning_of(scenario: Scenario) -> Scenario:
-    """The bench of `fluxlock identify` with a scenario's machine, inverter and seed."""
-    base = load_scenario(BENCH_FILE)
-    motor, inverter = scenario.motor, scenario.inverter
-    limit_a = min(motor.rated_current_a, CURRENT_SHARE * inverter.protection.phase_current_a)
-    drive = base.drive.model_copy(update={"current_limit_a": limit_a})
-    return base.model_copy(update={"motor": motor, "inverter": inverter, "drive": drive, "seed": scenario.seed})
-
-
 def wiring_of(scenario: Scenario) -> Scenario:
     """A vector drive of the same machine and inverter, for the test of the wiring."""
-    bench = commissioning_of(scenario)
+    bench = bench_for(scenario)
     vector = bench.drive.vector.model_copy(update={"dead_time_compensation": True})
     return bench.model_copy(update={"drive": bench.drive.model_copy(update={"vector": vector})})
 
@@ -131,7 +121,7 @@ class BoardBench:
 
     def identify(self, scenario: Scenario, progress: Progress) -> Identified:
         """See `Bench`."""
-        return measure_on_board(commissioning_of(scenario), self._port, self._wait_s, progress)
+        return measure_on_board(bench_for(scenario), self._port, self._wait_s, progress)
 
     @contextmanager
     def drive(self, scenario: Scenario, measured: Motor) -> Iterator[Drive]:
@@ -153,7 +143,7 @@ class SimulatedBench:
 
     def identify(self, scenario: Scenario, progress: Progress) -> Identified:
         """See `Bench`."""
-        return measure(commissioning_of(scenario), self._folder, scenario.seed, progress)
+        return measure(bench_for(scenario), self._folder, scenario.seed, progress)
 
     @contextmanager
     def drive(self, scenario: Scenario, measured: Motor) -> Iterator[Drive]:

@@ -45,8 +45,11 @@ class Console:
 
     def __init__(self, port: Port) -> None:
         self._port = port
-        self._port.write(b"\n")  # ends what it may have got; has no answer
-        self._port.read(4096, 0.02)
+        try:
+            self._port.write(b"\n")  # ends what it may have got; has no answer
+            self._port.read(4096, 0.02)
+        except PortError as error:
+            raise SilentError(f"the port {error}") from None
 
     def ask(self, line: str) -> list[str]:
         """The reply's lines, the last one `ok` or `error: TEXT`; SilentError."""
