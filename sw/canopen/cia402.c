@@ -51,7 +51,6 @@ static void enter(canopen_t *node, pds_t state) {
     c->given = false;
     span_start(&c->command, node->now_us);
   }
-  emcy_show(node);
 }
 
 void cia402_reset(canopen_t *node) {

@@ -57,7 +57,7 @@ void emcy_reset(canopen_t *node) {
 }
 
 // What is active, and that the operation waits for its reset.
-void emcy_show(canopen_t *node) {
+static void show_register(canopen_t *node) {
   const pds_t operation = node->drive.state;
   uint32_t error = (operation == PDS_FAULT || operation == PDS_FAULT_REACTION) ? ERROR_GENERIC : 0u;
   for (uint32_t c = 0; c < EMCY_CAUSES; c++) {
@@ -82,7 +82,7 @@ static void set(canopen_t *node, emcy_cause_t cause, uint32_t code, uint32_t err
   e->code[cause] = (uint16_t)code;
   e->error[cause] = (uint8_t)error;
   e->detail[cause] = detail;
-  emcy_show(node);
+  show_register(node);
   for (uint32_t n = LIST_LENGTH - 1u; n > 0u; n--) {
     node->value[OD_ERROR_FIELD_ERROR_1 + n] = node->value[OD_ERROR_FIELD_ERROR_1 + n - 1u];
   }
@@ -115,7 +115,7 @@ void emcy_clear(canopen_t *node, emcy_cause_t cause) {
   e->active &= ~bit;
   e->ended |= bit;
   e->ended_code = (cause == EMCY_DRIVE) ? e->code[cause] : e->ended_code;
-  emcy_show(node);
+  show_register(node);
 }
 
 void emcy_event(canopen_t *node, emcy_cause_t cause, uint32_t detail) {
@@ -136,6 +136,7 @@ static uint32_t next_cause(const emcy_t *e) {
 void emcy_step(canopen_t *node) {
   emcy_t *e = &node->emcy;
   const uint32_t cob_id = node->value[OD_EMCY_COB_ID];
+  show_register(node);
   if (node->nmt.state != NMT_OPERATIONAL && node->nmt.state != NMT_PRE_OPERATIONAL) {
     return;
   }

@@ -57,8 +57,6 @@ void emcy_set(canopen_t *node, emcy_cause_t cause, uint32_t detail);
 // The fault of the drive with its code; fault: its number.
 void emcy_set_drive(canopen_t *node, uint32_t fault);
 void emcy_clear(canopen_t *node, emcy_cause_t cause);
-// The error register, after the operation's state has changed.
-void emcy_show(canopen_t *node);
 // An event of a cause that ends when none has come for 2 s.
 void emcy_event(canopen_t *node, emcy_cause_t cause, uint32_t detail);
 // EMCY code of a fault number of the drive, 0: no fault.
