@@ -181,8 +181,9 @@ void app_done(app_t *app, work_t work, work_t before) {
   app->due_first = app->due[node ? WORK_NODE : WORK_LOOP];
 }
 
-COLD static bool hangs(app_t *app) {
-  if (app->works == 0u || !order_active(&app->drive.order)) {
+COLD static bool hangs(app_t *app, uint32_t late_cycles) {
+  const bool idle = !order_active(&app->drive.order);
+  if (app->works == 0u || (idle && late_cycles < app->clocks_ms * IDLE_LATE_MS)) {
     return false;
   }
   crash((app->work == WORK_NODE) ? CRASH_NODE : CRASH_MAIN_LOOP, 0, cpu_interrupted(), 0);
@@ -192,7 +193,7 @@ COLD static bool hangs(app_t *app) {
 
 // The watchdog hears of the control step, but not if main loop or node hangs.
 HOT static void report(app_t *app, uint32_t now) {
-  if (__builtin_expect((int32_t)(app->due_first - now) < 0, 0) && hangs(app)) {
+  if (__builtin_expect((int32_t)(app->due_first - now) < 0, 0) && hangs(app, now - app->due_first)) {
     return;
   }
   chip_report_step(app->drive.order.tick / REPORT_TICKS);

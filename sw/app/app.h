@@ -20,11 +20,13 @@
 #include "app/telemetry.h"
 #include "drive/drive.h"
 
-// Main loop and node are supervised as the control step is: while the drive is active each must have done a round within
-// its window, else the watchdog gets no report, the gates open and the firmware starts anew (crash.h).
+// Main loop and node are supervised as the control step is: each must have done a round within its window, else the
+// watchdog gets no report, the gates open and the firmware starts anew (crash.h). An idle drive may be as much later as
+// the flash needs to erase and write what is stored.
 typedef enum { WORK_LOOP, WORK_NODE, WORKS } work_t;
 #define WINDOW_LOOP_MS 200u  // the console prints all that it knows in a round
 #define WINDOW_NODE_MS 50u
+#define IDLE_LATE_MS 5000u
 
 typedef struct {
   drive_t drive;

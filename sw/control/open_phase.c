@@ -10,6 +10,7 @@
 
 #define SAMPLES_LEAST 3u
 #define MEAN_SHARE 8
+#define SUM_SHARE 4
 #define SIZE_SHARE 2
 #define WAVE_SHARE 4
 
@@ -23,8 +24,13 @@ HOT uint32_t open_phase_step(open_phase_t *state, const open_phase_settings_t *s
   const uint32_t least_q17 = (uint32_t)(((uint64_t)amplitude_i_q17 * settings->share_q16) >> 16);
   const bool judged = amplitude_i_q17 >= settings->minimum_i_q17;
   state->angle_q32 = angle_q32;
+  int32_t sum_i_q17 = 0;
   for (uint32_t k = 0; k < phases; k++) {
-    if (!judged || (uint32_t)abs_sat(i_q17[k]) >= least_q17) {
+    sum_i_q17 += i_q17[k];
+  }
+  const bool whole = (uint32_t)abs_sat(sum_i_q17) < least_q17;
+  for (uint32_t k = 0; k < phases; k++) {
+    if (!judged || !whole || (uint32_t)abs_sat(i_q17[k]) >= least_q17) {
       state->quiet_q32[k] = 0;
       state->samples[k] = 0;
       continue;
@@ -44,17 +50,20 @@ HOT uint32_t open_phase_step(open_phase_t *state, const open_phase_settings_t *s
 // A first wave that carries a quarter of the second is not heard: along the axis of an open first phase it shows noise. One
 // wave alone tells nothing of the other phases.
 COLD static void take_wave(open_phase_t *state, uint32_t phases) {
+  int32_t mean_i_q17 = 0;
   int32_t sum_i_q17 = 0;
   for (uint32_t k = 0; k < phases; k++) {
+    sum_i_q17 += state->along_i_q17[k];
     state->along_i_q17[k] = abs_sat(state->along_i_q17[k]);
-    sum_i_q17 += state->along_i_q17[k] / (int32_t)phases;
+    mean_i_q17 += state->along_i_q17[k] / (int32_t)phases;
   }
-  if (sum_i_q17 == 0) {
+  if (mean_i_q17 == 0) {
     return;
   }
-  const bool alone = state->mean_i_q17 < sum_i_q17 / WAVE_SHARE;
+  const bool alone = state->mean_i_q17 < mean_i_q17 / WAVE_SHARE;
   state->told = alone ? 1u : phases;
-  state->mean_i_q17 = (alone ? 0 : state->mean_i_q17) + sum_i_q17;
+  state->mean_i_q17 = (alone ? 0 : state->mean_i_q17) + mean_i_q17;
+  state->sum_i_q17 = (alone ? 0 : state->sum_i_q17) + abs_sat(sum_i_q17);
   for (uint32_t k = 0; k < phases; k++) {
     state->whole_i_q17[k] = (alone ? 0 : state->whole_i_q17[k]) + state->along_i_q17[k];
     state->along_i_q17[k] = 0;
@@ -76,6 +85,9 @@ COLD void open_phase_note(open_phase_t *state, const int32_t *i_q17, uint32_t ph
 
 COLD uint32_t open_phase_judge(open_phase_t *state, uint32_t phases) {
   take_wave(state, phases);
+  if (state->sum_i_q17 >= state->mean_i_q17 / SUM_SHARE) {
+    return state->open;
+  }
   for (uint32_t k = 0; k < state->told; k++) {
     const bool quiet = state->size_i_q17[k] < state->sizes_i_q17 / SIZE_SHARE;
     state->open |= (quiet && state->whole_i_q17[k] < state->mean_i_q17 / MEAN_SHARE) ? 1u << k : 0u;

@@ -115,7 +115,7 @@ typedef struct {
   uint32_t period_cycles;
   uint32_t crossings;
   uint32_t catches;  // rotors caught since boot
-  uint32_t silent_ticks;  // consecutive ticks without a sample
+  uint32_t silent_ticks;  // consecutive ticks without a sample, in six-step operation with less than half of them
   phase_t phase;
   limit_t limit;
   bool gates;       // the legs may switch

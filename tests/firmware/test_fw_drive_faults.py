@@ -187,6 +187,40 @@ def test_silent_converter_is_a_fault() -> None:
     assert (bench.fw.state, fault_of(bench)) == ("fault", "no_samples")
 
 
+@pytest.mark.parametrize(("share", "fault"), [(0.6, "none"), (0.4, "no_samples"), (0.02, "no_samples")])
+def test_slow_converter_is_a_fault(share: float, fault: str) -> None:
+    """A share of the samples of a tick, before any gate is on: with less than half of them no drive starts.
+
+    Verifies: FW-18
+    """
+    bench = Bench()
+    bench.until_state("ready", 0.1)
+    bench.tick_samples = round(share * bench.tick_samples)
+    bench.run(0.001)
+    assert (bench.fw.state, fault_of(bench)) == ("ready" if fault == "none" else "fault", fault)
+
+
+@pytest.mark.parametrize(("driven", "after_s"), [(True, 0.2), (False, 5.2)])
+def test_main_loop_that_does_not_come_round(driven: bool, after_s: float) -> None:
+    """An active drive stops after the window of its main loop; an idle one has the time in which the flash is written.
+
+    Verifies: FW-93
+    """
+    bench = Bench()
+    bench.until_state("ready", 0.1)
+    if driven:
+        bench.start(20_000)
+    app = bench.fw.lib.fl_host_app()
+    bench.fw.lib.app_watch(app, 1)
+    state = bench.fw.state
+    begin = bench.now
+    assert not bench.run(after_s - 0.01, lambda: bench.fw.state != state)
+    assert bench.run(0.02, lambda: bench.fw.state == "fault")
+    assert after_s - 1e-3 < bench.now - begin < after_s + 1e-3
+    app.works = 0
+    assert fault_of(bench) == "main_loop"
+
+
 def test_over_current_after_scattered_misses_is_a_lost_lock() -> None:
     """Crossings missed now and then, never two in a row: an over-current then restarts; one without misses is a fault.
 

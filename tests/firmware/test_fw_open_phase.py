@@ -53,6 +53,12 @@ def without(currents: Currents, lost: int) -> Currents:
     return found
 
 
+def opened(currents: list[float], lost: int, before: int = -1) -> list[float]:
+    """A phase opens, after another one or none: the others take its current over, in equal parts."""
+    left = [k for k in range(len(currents)) if k not in (lost, before)]
+    return [x + currents[lost] / len(left) if k in left else 0.0 for k, x in enumerate(currents)]
+
+
 def sample(lib: CData, state: CData, rng: Random, currents: list[float], amplitude: float, theta: float) -> int:
     """One step with noise of the converter."""
     codes = [round(x * FULL_Q17 + rng.gauss(0, 64)) for x in currents]
@@ -117,9 +123,7 @@ def test_open_phase_is_found(lib: CData, phases: int) -> None:
         mask = 0
         while mask == 0:
             theta += step
-            i = broken(theta)
-            i[lost] = 0.0
-            mask = sample(lib, state, rng, i, amplitude, theta)
+            mask = sample(lib, state, rng, opened(broken(theta), lost), amplitude, theta)
             assert abs(theta - begun) < 0.75 * TURN, SEED
         largest = max(largest, abs(theta - begun))
         assert mask == 1 << lost, SEED
@@ -132,9 +136,7 @@ def test_open_phase_is_found(lib: CData, phases: int) -> None:
         begun = theta
         while mask == 1 << lost:
             theta += step
-            i = broken(theta)
-            i[second] = 0.0
-            mask = sample(lib, state, rng, i, amplitude, theta)
+            mask = sample(lib, state, rng, opened(broken(theta), second, lost), amplitude, theta)
             assert abs(theta - begun) < 0.75 * TURN, SEED
         assert mask == 1 << lost | 1 << second, SEED
     print(f"seed {SEED}: found within {math.degrees(largest):.0f} degrees")
@@ -178,3 +180,23 @@ def test_phases_of_a_rotor_at_rest(lib: CData, phases: int) -> None:
                 lib.open_phase_note(state, [*codes, *[0] * (5 - phases)], phases, wave)
         found = lib.open_phase_judge(state, phases)
         assert found == (0 if lost is None else 1 << lost), (life, lost, ratio, math.degrees(axis), amplitude)
+
+
+@pytest.mark.parametrize("phases", [3, 5])
+def test_stuck_channel_is_no_open_phase(lib: CData, phases: int) -> None:
+    """A channel that shows nothing while its phase carries current: the sum tells, and no phase is called open.
+
+    Verifies: INJC-13
+    """
+    rng = Random(SEED)
+    for _ in range(100):
+        state = new("open_phase_t")
+        lib.open_phase_begin(state)
+        step, amplitude = rng.choice((0.02, 0.2, 0.6)) * rng.choice((-1, 1)), rng.uniform(0.1, 0.6)
+        stuck, theta = rng.randrange(phases), rng.uniform(0, TURN)
+        currents = sound(phases, amplitude, 0.0, rng.uniform(-math.pi, math.pi))
+        for _ in range(round(3 * TURN / abs(step))):
+            theta += step
+            i = currents(theta)
+            i[stuck] = 0.0
+            assert sample(lib, state, rng, i, amplitude, theta) == 0, SEED

@@ -78,19 +78,29 @@ async def _end_of(session: Session, branch: Branch, planned: list[Action]) -> No
         os._exit(code)
 
 
+async def _look(session: Session) -> str:
+    """What the console says within a look."""
+    begin = len(session.text)
+    await session.wait_until(session.native.status.cycle + LOOK_CYCLES)
+    session.drain()
+    session.exchange()
+    return session.text[begin:]
+
+
 async def _ask_state(session: Session) -> None:
-    """Ask the console for the drive's state; a question that noise before it has spoilt is asked again."""
+    """Ask the console for the drive's state; a question that noise before it has spoilt is asked again.
+
+    Errors may be those of lines that the noise has left: the next question waits until the console has told them all.
+    """
     for _ in range(QUESTIONS):
         begin = len(session.text)
         session.native.send("status")
         for _ in range(ANSWER_LOOKS):
-            await session.wait_until(session.native.status.cycle + LOOK_CYCLES)
-            session.drain()
-            session.exchange()
+            said = await _look(session)
             answer = session.text[begin:]
             if re.search(r"^state .*^ok$", answer, re.MULTILINE | re.DOTALL):
                 return
-            if "\nerror: " in f"\n{answer}":
+            if not said and "\nerror: " in f"\n{answer}":
                 break
 
 

@@ -75,9 +75,9 @@ class AveragedChip:
         self.clock = CLOCK_HZ
         self.tick_s = 1.0 / TICK_HZ
         self._places = places(self.fw.offsets)
-        self._samples = round(self.tick_s / s.inverter.sensing.sample_period_s)
+        self.tick_samples = round(self.tick_s / s.inverter.sensing.sample_period_s)
         self._scales = np.zeros(K_NUMBERS)
-        self._scales[[K_CLOCK_HZ, K_SAMPLES]] = self.clock, self._samples
+        self._scales[[K_CLOCK_HZ, K_SAMPLES]] = self.clock, self.tick_samples
         self._scales[K_V_UNIT] = 2**17 / s.inverter.sensing.voltage_full_scale_v
         self._scales[K_I_UNIT] = 2**17 / s.inverter.sensing.current_full_scale_a
         self._scales[[K_CUT_PULSES, K_HALL]] = self.cut_pulses, self.model.motor.hall is not None
@@ -101,14 +101,14 @@ class AveragedChip:
         """Measurements of the period that ends at this tick."""
         model, registers = self.model, self.fw.registers
         if self.sampling:
-            self.samples += self._samples
+            self.samples += self.tick_samples
         stuck = self._free
         if self.stuck:
             stuck = np.array([self.stuck.get(channel, FREE) for channel in range(3)])
         show_samples(registers, self._places, self._scales, model.s, model.c, model.m, stuck, self.idc_offset_a)
         show_crossings(registers, self._places, self._scales, model.s, model.c)
         self.put("sense.snap_number", self.samples)
-        self.put("sense.snap_count", self._samples if self.sampling else 0)
+        self.put("sense.snap_count", self.tick_samples if self.sampling else 0)
         self.put("zcd.counters", ((int(model.s[am.LATE]) + self.overridden) & 0xFFFF) << 16)
         self.put("zcd.method_counters", self.computed_back & 0xFFFF)
         if model.s[am.TRIPS] > 0.0:

@@ -15,9 +15,19 @@ from fluxlock.base.paths import ROOT
 from fluxlock.can.frame import Frame
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.config import Scenario, load_scenario
-from fluxlock.cosim.broken_code import ILLEGAL, MISALIGNED, OUTSIDE, TO_ITSELF, entry, idle_place, rewrite
+from fluxlock.cosim.broken_code import (
+    ILLEGAL,
+    MISALIGNED,
+    OUTSIDE,
+    STACK_END,
+    TO_ITSELF,
+    call,
+    entry,
+    idle_place,
+    rewrite,
+)
 from fluxlock.cosim.plan import Action
-from fluxlock.generate.memory import BLOCK_ADDRESS, STACK_ADDRESS
+from fluxlock.generate.memory import BLOCK_ADDRESS
 from fluxlock.interface.names import fault_names
 from fluxlock.plant import channel_names
 
@@ -155,7 +165,7 @@ DRIVES = (
     Drive(
         "five-phase",
         "campaign/five-phase.toml",
-        (Moment("search", 0.020, turning=False), Moment("steady", 0.270), Moment("reversing", 0.495)),
+        (Moment("search", 0.020, turning=False), Moment("steady", 0.27), Moment("reversing", 0.605)),
         can=True,
     ),
     Drive("hall", "six-step/hall.toml", (Moment("ramp", 0.080), Moment("steady", 0.200)), pins=True),
@@ -249,9 +259,9 @@ def _machine_faults(s: Scenario) -> list[Fault]:
         *(Fault(f"phase {leg} open", (_fault("open_phase", phases=(x,)),), MACHINE | CHANNEL | {"open_phase"})
           for x, leg in enumerate(legs)),
         Fault("winding A to star, 20 % of the turns left",
-              (_fault("shorted_winding", phases=(0,), turns_fraction=0.2),), MACHINE),
+              (_fault("shorted_winding", phases=(0,), turns_fraction=0.2),), MACHINE | SHORTED),
         Fault("windings A, B shorted, 10 % of the turns left",
-              (_fault("shorted_winding", phases=(0, 1), turns_fraction=0.1),), MACHINE),
+              (_fault("shorted_winding", phases=(0, 1), turns_fraction=0.1),), MACHINE | SHORTED),
         *(Fault(f"{side} switch {leg} stuck", (_fault(kind, phases=(x,)),), MACHINE | PIN)
           for (x, leg), (side, kind) in zip(
               enumerate(legs), cycle((("upper", "stuck_high"), ("lower", "stuck_low"))), strict=False)),
@@ -325,6 +335,7 @@ def _bus_faults(s: Scenario) -> list[Fault]:
 # An over-current beforehand, by a sample; `clear` and `start` when the drive rests in its fault; the start looks first.
 AGAIN_S, START_S = 8e-3, 9e-3
 START_AGAIN = tuple((at_s, "console", {"line": line}) for at_s, line in ((AGAIN_S, "clear"), (START_S, "start")))
+LONG_START_S = 0.1  # of a rotor at rest, tried several times
 
 
 def _restart_faults(s: Scenario) -> list[Fault]:
@@ -341,7 +352,7 @@ def _restart_faults(s: Scenario) -> list[Fault]:
 
     return [
         *(Fault(f"{text}, started again", (sample, CLEAR, shorted(arguments), *START_AGAIN), SHORTED | MACHINE,
-                must_stop=True)
+                must_stop=True, span_s=LONG_START_S)
           for text, arguments in shorts),
         Fault("over-current, whole winding started again", (sample, CLEAR, *START_AGAIN), NONE),
     ]  # fmt: skip
@@ -353,10 +364,17 @@ REPORTED_S = 1e-3
 IDLE = ""  # the instruction with which the main loop passes its time
 
 
-def _broken(function: str, word: int, span_s: float) -> tuple[Change, ...]:
-    """Another instruction at the begin of a function, for a time."""
-    place = {"function": function, "word": word}
+def _broken(function: str, word: int | str, span_s: float, offset: int = 0) -> tuple[Change, ...]:
+    """Another instruction so many bytes into a function, for a time. word: a name calls this function."""
+    place = {"function": function, "word": word, "offset": offset}
     return ((0.0, "code", place), (span_s, "code", place))
+
+
+def _stack_overflow() -> tuple[Change, ...]:
+    """The core writes the last word of the stack, from where a function that nobody calls has been."""
+    unused = "trap_exception"
+    stores = [change for n, word in enumerate(STACK_END) for change in _broken(unused, word, TICK_S, 4 * n)]
+    return (*stores, *_broken(IDLE, unused, TICK_S))
 
 
 def _firmware_faults(s: Scenario) -> list[Fault]:
@@ -370,8 +388,7 @@ def _firmware_faults(s: Scenario) -> list[Fault]:
               turning=True),
         Fault("main loop hangs", _broken(IDLE, TO_ITSELF, LOOP_S + REPORTED_S), MAIN_LOOP, must_stop=True,
               active=True, span_s=LOOP_S + 15e-3),
-        Fault("stack overflow", ((0.0, "memory", {"address": STACK_ADDRESS, "bit": 3}),), STACK, must_stop=True,
-              active=True),
+        Fault("stack overflow", _stack_overflow(), STACK, must_stop=True, active=True),
     ]  # fmt: skip
     if s.can is not None:
         hang = _broken("link_status", TO_ITSELF, NODE_S + REPORTED_S)
@@ -496,8 +513,9 @@ def actions_of(fault: Fault, at_cycle: int, registers: Sequence[str], image: Pat
         told = dict(arguments)
         if kind == "code":
             function = str(told["function"])
-            at = entry(image, function) if function else idle_place(image)
-            actions += rewrite(image, at, int(str(told["word"])), at_cycle + round(at_s * CLOCK_HZ))
+            at = (entry(image, function) if function else idle_place(image)) + int(str(told["offset"]))
+            word = told["word"] if isinstance(told["word"], int) else call(image, at, str(told["word"]))
+            actions += rewrite(image, at, word, at_cycle + round(at_s * CLOCK_HZ))
             continue
         if "name" in told:
             wanted = str(told.pop("name"))

@@ -7,7 +7,8 @@ Wrong is, from the disturbance on:
   a leg with both gates on, or a gap between them shorter than the dead time;
   a phase current above the trip's limit for more than 100 us while any gate is on;
   torque against the commanded direction, mean of a millisecond, for more than 10 ms while a lock drives a rotor that
-  turns that way at a tenth of its highest speed or more, slower than asked for (one that is driven faster is braked);
+  turns that way at a tenth of its highest speed or more, slower than asked for by then (one that is driven faster is
+  braked);
   a stop by a name that does not belong to the fault, or by none; a drive that runs on where it had to stop.
   a gate that is on, or an enable of the drivers that toggles, later than the fault allows.
 All phases and legs of the machine count. A drive that boot refuses, with the name of a fault, has stopped, and so has
@@ -85,12 +86,23 @@ def _console(data: RunData, name: str) -> str:
     return found[-1] if found else ""
 
 
-def _asked_rpm(scenario: Scenario, t_s: np.ndarray) -> np.ndarray:
-    """The speed that the console has asked for at these times, signed."""
-    asked = np.zeros(t_s.size)
-    for at_s, target in scenario.speed_targets():
-        asked[t_s >= at_s] = target
-    return asked
+def _asked_rpm(scenario: Scenario, t_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """At these times: the way asked for, 1 or -1, and the speed that way (r/min) that the slope allows by then.
+
+    The slope begins with the command, from where the one before has led to or from the rotor's first speed.
+    """
+    way, asked = np.ones(t_s.size), np.zeros(t_s.size)
+    targets = scenario.speed_targets()
+    value = scenario.initial.speed_rpm
+    for (at_s, target), (end_s, _) in zip(targets, [*targets[1:], (np.inf, 0.0)], strict=True):
+        here = (t_s >= at_s) & (t_s < end_s)
+        change = (target > value) - (target < value)
+        slope = scenario.accel_rpm_per_s * change
+        low, high = min(value, target), max(value, target)
+        way[here] = -1 if target < 0 else 1
+        asked[here] = np.maximum(0.0, way[here] * np.clip(value + slope * (t_s[here] - at_s), low, high))
+        value = float(np.clip(value + slope * (end_s - at_s), low, high)) if slope else target
+    return way, asked
 
 
 def late(data: RunData, from_cycle: float) -> list[str]:
@@ -118,11 +130,10 @@ def judge(data: RunData, scenario: Scenario, fault: Fault, since_cycle: int, tol
     count = max(1, round(MEAN_S / max(float(np.median(np.diff(t_s))) if t_s.size > 1 else MEAN_S, 1e-9)))
     mean_nm = np.convolve(records["torque_nm"], np.ones(count) / count, mode="same") if t_s.size else np.zeros(0)
     rated_nm = scenario.motor.rated_torque_nm
-    asked_rpm = _asked_rpm(scenario, t_s)
-    way = np.where(asked_rpm < 0, -1, 1)
+    way, asked_rpm = _asked_rpm(scenario, t_s)
     speed_rpm = way * records["omega_e"] / scenario.motor.pole_pairs * RPM_PER_RAD_S
     turns = speed_rpm > SLOW_SHARE * scenario.motor.max_speed_rpm
-    slower = speed_rpm < ASKED_SHARE * np.abs(asked_rpm)
+    slower = speed_rpm < ASKED_SHARE * asked_rpm
     against_s = longest_s(t_s, (way * mean_nm < -TORQUE_SHARE * rated_nm) & gated & turns & slower)
     reasons = late(data, since_cycle + fault.off_s * data.clock_hz) if fault.off_s is not None else []
     safety = gate_safety(data)

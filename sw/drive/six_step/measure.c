@@ -145,7 +145,8 @@ HOT static void measure_speed(measured_t *m, const parameters_t *p, const settin
 
 HOT void measure_step(measured_t *m, const parameters_t *p, const settings_t *settings, const chip_snapshot_t *in,
                       uint32_t tick, bool timer_on, int32_t line_ratio_q16) {
-  m->silent_ticks = (in->sample_number == m->last_sample) ? m->silent_ticks + 1u : 0u;
+  const uint32_t sampled_cycles = (in->sample_number - m->last_sample) * (uint32_t)p->sample_period_cycles;
+  m->silent_ticks = (sampled_cycles < (uint32_t)p->tick_cycles / 2u) ? m->silent_ticks + 1u : 0u;
   m->last_sample = in->sample_number;
   measure_electric(m, p, in, line_ratio_q16);
   measure_speed(m, p, settings, in, tick, timer_on);

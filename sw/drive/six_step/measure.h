@@ -40,7 +40,7 @@ typedef struct {
   uint32_t sum_count;       // samples in the tick, and what divides by them
   uint32_t one_over_count_q32;
   uint32_t last_sample;
-  uint32_t silent_ticks;  // consecutive ticks without a sample
+  uint32_t silent_ticks;  // consecutive ticks with less than half of their samples
   uint8_t timeouts;          // counter of the timer at the last boundary of 64 ticks
   uint8_t timeouts_before;   // and at the one before
   uint32_t peak_q17;  // amplitude of the open terminal about its threshold; 0: unknown
