@@ -11,10 +11,9 @@ import pytest
 
 from fluxlock.base.paths import BUILD, ROOT
 from fluxlock.firmware import build_commission, build_firmware
+from fluxverify.regression.images import BUDGET_BYTES
 
 TEXT_MAX_BYTES = 119_808  # link.ld
-# Phases, method of the image with the node, None: without, all methods.
-BUDGET_BYTES = {(3, None): 117_760, (5, None): 86_016, (3, "six-step"): 100_352, (3, "vector"): 108_544}
 COMMISSION_BYTES = 20_480
 
 

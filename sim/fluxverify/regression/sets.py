@@ -3,10 +3,10 @@
 
 """All sets of cases: importing this registers them and puts them in order, whichever of them was imported before."""
 
-from fluxverify.regression import five_phase, shipped, six_step, vector
+from fluxverify.regression import five_phase, images, shipped, six_step, vector
 from fluxverify.regression.case import CASES
 
-__all__ = ["CASES", "five_phase", "shipped", "six_step", "vector"]
+__all__ = ["CASES", "five_phase", "images", "shipped", "six_step", "vector"]
 
 FAMILIES = ("six-step", "five-phase", "vector")
 
