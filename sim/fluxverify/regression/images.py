@@ -22,8 +22,8 @@ BUDGET_BYTES = {(3, None): 117_760, (5, None): 86_016, (3, "six-step"): 100_352,
 class Work:
     """A scenario that asks much of a control step. ticks: that its longest one may take.
 
-    A tick is lost, and counted as an overrun, when a second one comes while the step before still lasts. The injection's
-    search and its end have single steps of more than a tick, with shorter ones behind them.
+    A tick is lost, and counted as an overrun, when a second one comes while the step before still lasts. The search of
+    the injection and its end have single steps of more than a tick, with shorter ones behind them.
     """
 
     name: str
