@@ -103,8 +103,8 @@ def page(document: dict[str, Any]) -> str:
         f"{1e3 * RUN_S:.0f} ms (an upset {1e3 * UPSET_S:.0f} ms, a current or vdc that stands still "
         f"{1e3 * SLOW_S:.0f} ms, but a current at a given code in six-step operation, "
         f"a short by the next start {1e3 * LONG_START_S:.0f} ms, a drive that starts again up to three times as long) "
-        "or until it has been in its fault state for 2 ms, and is judged from the moment on. Assertions of the RTL end a run as wrong, but for "
-        "upsets and for a wrong `adc_valid_i`: the least spacing of its sets is asserted.",
+        "or until it has been in its fault state for 2 ms, and is judged from the moment on. Assertions of the RTL end a "
+        "run as wrong, but for upsets and for a wrong `adc_valid_i`: the least spacing of its sets is asserted.",
         "",
         "Disturbed are windings, legs, supply, load and rotor, every converter channel (`adc_code_i`), every other "
         "input of the chip but clock and reset, and bits of registers and memory. Pins are forced at clock edges; "
@@ -114,8 +114,8 @@ def page(document: dict[str, Any]) -> str:
         "The firmware breaks too. Another instruction stands in its main loop, its control interrupt or its node: "
         "one that raises an exception, or one that goes round in itself. It is whole again when the firmware starts "
         f"anew. A main loop that hangs takes {1e3 * LOOP_S:.0f} ms to be found, a node {1e3 * NODE_S:.0f} ms. A stack "
-        f"overflow is a write of the core to its last word. Floods fill the console or the CAN bus for {1e3 * FLOOD_S:.0f} ms, "
-        f"with noise of seed {NOISE_SEED}; another node sends those of the bus. *Started again*: an over-current by a "
+        "overflow is a write of the core to its last word. Floods fill the console or the CAN bus for "
+        f"{1e3 * FLOOD_S:.0f} ms, with noise of seed {NOISE_SEED}; another node sends those of the bus. *Started again*: an over-current by a "
         "sample, then `clear` and `start`, with a winding that is shorted by then or whole.",
         "",
         "The drives board and board-vector run on the chip behind `fl_board`, with its oscillator, its reset of "
@@ -139,8 +139,8 @@ def page(document: dict[str, Any]) -> str:
         "it tells no name |",
         "| wrong | both gates of a leg on or the dead time cut; a phase current above the trip's limit for more than "
         "100 µs with a gate on; torque against the command for more than 10 ms below the speed that the slope has "
-        "reached; a name that does not belong to the disturbance, or a stop by none; running on where only a stop is right; a "
-        "silent console. All phases and legs count |",
+        "reached; a name that does not belong to the disturbance, or a stop by none; running on where only a stop is "
+        "right; a silent console. All phases and legs count |",
         "",
         "Upsets are single bits that flip, in a register drawn by name or a word of the memory; they are judged by "
         "gates and current alone. Registers are drawn from those of the blocks and register blocks and of the core's "
