@@ -103,8 +103,8 @@ def page(document: dict[str, Any]) -> str:
         f"{1e3 * RUN_S:.0f} ms (an upset {1e3 * UPSET_S:.0f} ms, a current or vdc that stands still "
         f"{1e3 * SLOW_S:.0f} ms, but a current at a given code in six-step operation, "
         f"a short by the next start {1e3 * LONG_START_S:.0f} ms, a drive that starts again up to three times as long) "
-        "or until it has been in its fault state for 2 ms, and is judged from the moment on. Assertions of the RTL end a "
-        "run as wrong, but for upsets and for a wrong `adc_valid_i`: the least spacing of its sets is asserted.",
+        "or until it has been in its fault state for 2 ms, and is judged from the moment on. Assertions of the RTL end "
+        "a run as wrong, but for upsets and for a wrong `adc_valid_i`: the least spacing of its sets is asserted.",
         "",
         "Disturbed are windings, legs, supply, load and rotor, every converter channel (`adc_code_i`), every other "
         "input of the chip but clock and reset, and bits of registers and memory. Pins are forced at clock edges; "
@@ -115,8 +115,8 @@ def page(document: dict[str, Any]) -> str:
         "one that raises an exception, or one that goes round in itself. It is whole again when the firmware starts "
         f"anew. A main loop that hangs takes {1e3 * LOOP_S:.0f} ms to be found, a node {1e3 * NODE_S:.0f} ms. A stack "
         "overflow is a write of the core to its last word. Floods fill the console or the CAN bus for "
-        f"{1e3 * FLOOD_S:.0f} ms, with noise of seed {NOISE_SEED}; another node sends those of the bus. *Started again*: an over-current by a "
-        "sample, then `clear` and `start`, with a winding that is shorted by then or whole.",
+        f"{1e3 * FLOOD_S:.0f} ms, with noise of seed {NOISE_SEED}; another node sends those of the bus. *Started "
+        "again*: an over-current by a sample, then `clear` and `start`, with a winding that is shorted by then or whole.",
         "",
         "The drives board and board-vector run on the chip behind `fl_board`, with its oscillator, its reset of "
         f"{BOARD_RESET_CYCLES} clocks and its serial converters. There the chip's clock and the oscillator stop, and "
