@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -14,43 +13,20 @@ from typer.testing import CliRunner
 
 from fluxlock.base.stage import Progress
 from fluxlock.cli import app
-from fluxlock.commission.bench import bench_for
-from fluxlock.commission.simulate import Measured, known_of
-from fluxlock.config import ConfigError, Motor, Scenario, load_motor, load_scenario
-from fluxlock.cosim.parameters import parameter_block
-from fluxlock.firmware import build_commission
+from fluxlock.commission.simulate import Measured
+from fluxlock.config import ConfigError, Scenario, load_motor, load_scenario
 from fluxlock.firmware.host import one_at_a_time
-from fluxlock.first_start import bench as benches
-from fluxlock.first_start.bench import SimulatedBench, wiring_of
+from fluxlock.first_start.bench import SimulatedBench
+from fluxlock.first_start.guide import TerminalGuide
 from fluxlock.first_start.steps import FirstStart
 from fluxlock.first_start.turn import COAST_S, Lead, TurnError
 from fluxlock.flash import board_console
 from fluxlock.flash.board_console import SilentError
-from fluxlock.flash.image import pack_image
-from fluxlock.generate.memory import FLASH_BLOCK, FLASH_IMAGE
-from fluxlock.native.vector_run import vector_chip_of
-from tests.commission.averaged_bench import AveragedBench, Machine, converse
-from tests.flash.board_terminal import Answer, BoardTerminal, behind_a_terminal
+from tests.first_start.benches import TwinBoard, averaged_identify
+from tests.flash.board_terminal import BoardTerminal, behind_a_terminal
 
 SPINDLE = "scenarios/own-spindle.toml"
 CONVERSION = "inverter.sensing.conversion_s=0.68e-6"  # of the boards
-
-
-def averaged(scenario: Scenario) -> AveragedBench:
-    """The commissioning program and the scenario's machine, without switching."""
-    m, stage = scenario.motor, scenario.inverter
-    machine = Machine(
-        m.pole_pairs,
-        sum(m.resistance_ohm) / 3 + stage.on_resistance_ohm,
-        m.mean_inductance_h,
-        m.mean_inductance_h,
-        sum(m.psi_vs) / 3 * m.emf_fundamental,
-        m.inertia_kgm2,
-        m.load.coulomb_nm,
-        m.load.viscous_nm_s_per_rad,
-        m.load.fan_nm_s2_per_rad2,
-    )
-    return AveragedBench(known_of(bench_for(scenario))[0].scales, machine, seed=1)
 
 
 @pytest.fixture
@@ -58,8 +34,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """The averaged bench in place of the simulated chip, which takes a minute and a half."""
 
     def identify(self: SimulatedBench, scenario: Scenario, progress: Progress) -> Measured:
-        lab = averaged(scenario)
-        return Measured(converse(lab, known_of(bench_for(scenario))[0].conversation()), lab.time_s, 1.0)
+        return averaged_identify(scenario)
 
     monkeypatch.setattr(SimulatedBench, "identify", identify)
 
@@ -128,40 +103,6 @@ def test_stopped_by_hand(answers: str, text: str, tmp_path: Path) -> None:
     assert not json.loads((tmp_path / "first-start.json").read_text(encoding="utf-8"))["verdict"]["passed"]
 
 
-@dataclass
-class TwinBoard:
-    """A board whose programs run on the host: time goes on with each line."""
-
-    scenario: Scenario
-    measured: Motor | None = None
-
-    def __call__(self, flash: dict[int, bytes]) -> Answer:
-        """The console of what has been written."""
-        image = b"".join(flash[at] for at in sorted(flash) if FLASH_IMAGE <= at < FLASH_BLOCK)
-        block = b"".join(flash[at] for at in sorted(flash) if at >= FLASH_BLOCK)
-        if image.startswith(pack_image(build_commission().read_bytes(), 3)):
-            return averaged(self.scenario).reply
-        wiring = wiring_of(self.scenario)
-        if block.startswith(parameter_block(wiring).pack()):
-            chip = vector_chip_of(wiring, 1)
-            chip.advance(round(5e-3 / chip.timing.period_s))
-
-            def tested(line: str) -> list[str]:
-                chip.advance(round(5e-3 / chip.timing.period_s))
-                return list(chip.fw.command(line))
-
-            return tested
-        play = benches.player(benches.quiet(self.scenario), 1, 1.0)
-        play.advance(benches.BOOT_S)
-
-        def turned(line: str) -> list[str]:
-            play.advance(play.now + (0.02 if line == "status" else 1e-3))
-            play.take()
-            return list(play.firmware.command(line))
-
-        return turned
-
-
 def test_at_a_board(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Three programs are written and started, each step runs on its own; at the end the gates are off.
 
@@ -224,7 +165,7 @@ def test_a_machine_without_room_for_a_turn(tmp_path: Path) -> None:
     scenario = load_scenario(SPINDLE)
     slow = scenario.model_copy(update={"motor": scenario.motor.model_copy(update={"max_speed_rpm": 30.0})})
     with pytest.raises(ConfigError, match="too near this highest speed"):
-        FirstStart(slow, tmp_path, 0.6, False)
+        FirstStart(slow, tmp_path, 0.6, TerminalGuide(4, False))
 
 
 class Scripted:

@@ -220,6 +220,8 @@ def test_token(tmp_path: Path) -> None:
                 pass
             assert client.get(f"/files/my-table.csv{query}").status_code == 404
         with client.websocket_connect(f"{SOCKET}?token=open-sesame", headers={"origin": ORIGIN}) as socket:
+            told = answer(socket)
+            assert isinstance(told, dict) and told["names"] == ["my-table.csv"], "what there is to load"
             socket.send_text(json.dumps(GOOD[0]))
             assert isinstance(answer(socket), bytes)
         assert client.get("/files/my-table.csv?token=open-sesame").text == "t_s\n"

@@ -26,12 +26,16 @@ from fluxlock.config import ConfigError, load_scenario
 from fluxlock.cosim.outcome import finished
 from fluxlock.cosim.run import run_scenario
 from fluxlock.firmware.binding import names
+from fluxlock.firmware.host import one_at_a_time
 from fluxlock.live import cli
 from fluxlock.live.server import PAGE
 from fluxlock.live.traces import COMPARATORS, GATES
 from fluxlock.native.player import player
+from tests.first_start.benches import TwinBoard, warm
+from tests.flash.board_terminal import BoardTerminal, behind_a_terminal
 
 SCENARIO = "scenarios/own-spindle.toml"
+CONVERSION = "inverter.sensing.conversion_s=0.68e-6"  # of the boards
 SPINNING = "scenarios/spinning.toml"
 SLOWER_RPM, LOWER_RPM = 45_000, 50_500.0  # target of the slider, and speed on the way to it
 INJECTION = "scenarios/vector/ipm-injection.toml"
@@ -169,6 +173,41 @@ def test_page(page: Page, tmp_path: Path) -> None:
     outcome = finished(player(scenario, scenario.seed).run(), scenario)
     assert outcome.result["fault"] == fault and outcome.verdict.passed, outcome.verdict.lines
     wait_for(page, "banner", "The connection is lost")
+
+
+def test_first_start_page(page: Page, tmp_path: Path) -> None:
+    """A first start at a board behind a terminal, in the browser: a yes to each question, the turns, plots, a reload.
+
+    Verifies: FST-06, FST-04, LIVE-01
+    """
+    scenario = load_scenario(SCENARIO, [CONVERSION])
+    warm(scenario)
+    board = BoardTerminal(TwinBoard(scenario), around=one_at_a_time)
+    with behind_a_terminal(board.serve) as port:
+        source = (SCENARIO, "--set", CONVERSION, "--first-start", "--board", str(port))
+        with running(tmp_path, *source) as (address, _):
+            page.goto(address)
+            for step in ("wiring", "identify", "first turn"):
+                wait_for(page, "question", "go on?", START_MS)
+                expect(page.locator("#steps .now")).to_contain_text(step)
+                page.click("#yes")
+                expect(page.locator("#question")).not_to_have_text("go on?")
+            wait_for(page, "question", "did the shaft turn the way that you want?", START_MS)
+            page.reload()
+            wait_for(page, "question", "did the shaft turn")
+            page.click("#yes")
+            wait_for(page, "question", "go on?")
+            page.click("#yes")
+            wait_for(page, "question", "ok: the machine is wired, measured, turns", START_MS)
+            assert page.locator("#steps .passed").count() == 4
+            until(
+                page, "[...document.querySelectorAll('#plotted img')].filter((i) => i.naturalWidth > 500).length === 2"
+            )
+            assert page.locator("#plots .uplot").count() >= 2
+            page.screenshot(path=tmp_path / "first-start.png")
+            page.click("#anew")
+            wait_for(page, "question", "go on?")
+    assert board.lines[-4] == "stop now"
 
 
 def test_chip_page(page: Page, tmp_path: Path) -> None:

@@ -186,3 +186,18 @@ def test_planes_of_five_phases() -> None:
     assert np.allclose(shown["id"], 3.0, atol=1e-3)
     for name in ("ia", "current_d", "current_e"):
         assert np.abs(rows[NAMES.index(name)]).max() > 2.9
+
+
+def test_planes_of_what_knows_no_current() -> None:
+    """Rows of a board have no true currents: no points, and nothing that JSON does not have.
+
+    Verifies: LIVE-12
+    """
+    ring = Ring()
+    rows = np.full((len(NAMES), 50), np.nan, np.float32)
+    rows[NAMES.index("motor_a")] = 1.0
+    ring.append(np.arange(50) * 0.02, rows)
+    shown = ring.planes(0.0, 1.0)
+    assert json.loads(json.dumps(shown, allow_nan=False)) == {
+        **{name: [] for name in ("alpha", "beta", "id", "iq")}, "theta_deg": None, "error_deg": None,
+    }  # fmt: skip

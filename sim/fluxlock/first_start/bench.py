@@ -18,15 +18,15 @@ from fluxlock.commission.bench import bench_for
 from fluxlock.commission.board import measure_on_board
 from fluxlock.commission.simulate import Measured as Identified
 from fluxlock.commission.simulate import measure
-from fluxlock.config import Motor, Scenario
+from fluxlock.config import ConfigError, Motor, Scenario
 from fluxlock.config.drive import MotorError
 from fluxlock.cosim.parameters import check_parameters
 from fluxlock.first_start.turn import Drive
 from fluxlock.flash.board_console import Console, Port
-from fluxlock.flash.command import open_port, plan_of, write_and_start
+from fluxlock.flash.command import check_board, open_port, plan_of, write_and_start
 from fluxlock.flash.loader import SerialLine
 from fluxlock.native.play import ScenarioPlay
-from fluxlock.native.player import player
+from fluxlock.native.player import check_playable, player
 from fluxlock.wiring.measure import Measured as Wired
 from fluxlock.wiring.measure import on_board, on_twin
 
@@ -161,3 +161,19 @@ class SimulatedBench:
         )
         told = scenario.drive.model_copy(update={"motor_error": error})
         yield TwinDrive(player(quiet(scenario.model_copy(update={"drive": told})), scenario.seed, KEPT_S))
+
+
+def check_bench(scenario: Scenario, port: Path | None) -> None:
+    """ConfigError for a scenario that cannot be led through the steps, at a board's port or, None, simulated."""
+    if scenario.motor.phases != 3:
+        raise ConfigError([scenario.sources.problem("motor.phases", "the steps are of three phases")])
+    if port is None:
+        check_playable(quiet(scenario))
+        return
+    check_board(scenario)
+    check_board(wiring_of(scenario))
+
+
+def bench_of(port: Path | None, wait_s: float, folder: Path) -> Bench:
+    """A board at a port, whose reset it waits for, or the simulated bench. folder: of the simulator's files."""
+    return BoardBench(port, wait_s) if port is not None else SimulatedBench(folder / "simulator")

@@ -14,7 +14,7 @@ from fluxlock.base.paths import RESULTS
 from fluxlock.command_line import EXIT_FAILED, SetOption
 from fluxlock.config import ConfigError, Problem
 from fluxlock.help import complete_toml
-from fluxlock.results.verdict import Verdict, say
+from fluxlock.results.verdict import say
 
 
 def first_start(
@@ -49,34 +49,19 @@ def first_start(
     flash once you reset the board. The last one stays: the scenario's drive, with the measured machine.
     """
     from fluxlock.cosim.cautions import checked
-    from fluxlock.first_start.bench import BoardBench, SimulatedBench, quiet, wiring_of
-    from fluxlock.first_start.steps import FirstStart, StoppedError
-    from fluxlock.flash.command import check_board
-    from fluxlock.native.player import check_playable
+    from fluxlock.first_start.bench import bench_of, check_bench
+    from fluxlock.first_start.guide import TerminalGuide
+    from fluxlock.first_start.steps import STEPS, FirstStart
 
     loaded = checked(scenario, set_ or (), True)
-    if loaded.motor.phases != 3:
-        raise ConfigError([loaded.sources.problem("motor.phases", "the steps are of three phases")])
     folder = out if out is not None else RESULTS / f"{scenario.stem}-first-start"
-    run = FirstStart(loaded, folder, current_share, not yes)
-    if port is not None:
-        check_board(loaded)
-        check_board(wiring_of(loaded))
-    else:
-        check_playable(quiet(loaded))
+    check_bench(loaded, port)
+    run = FirstStart(loaded, folder, current_share, TerminalGuide(len(STEPS), not yes))
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ConfigError([Problem("--out", str(folder), f"cannot be written: {error.strerror}")]) from None
-    bench = BoardBench(port, wait_s) if port is not None else SimulatedBench(folder / "simulator")
-    try:
-        run.lead(bench)
-        verdict = Verdict(True, ["the machine is wired, measured, turns and follows a step of its speed"])
-    except StoppedError as error:
-        verdict = Verdict(False, str(error).splitlines())
-    except (typer.Abort, KeyboardInterrupt):
-        verdict = Verdict(False, [f"stopped by hand in the step {run.step}; the gates are off"])
-    run.write(verdict)
+    verdict = run.run(bench_of(port, wait_s, folder))
     say(verdict)
     print(f"written: {folder}", flush=True)
     if not verdict.passed:

@@ -9,16 +9,13 @@ import json
 from pathlib import Path
 from typing import Any
 
-import typer
-from rich.console import Console as Terminal
-
-from fluxlock.commission.command import showing
 from fluxlock.commission.report import beside_the_file, figure, motor_file, quantities, write_motor
 from fluxlock.commission.simulate import plate_of
 from fluxlock.config import ConfigError, Motor, Scenario
 from fluxlock.config.least_speed import least_six_step_rpm, least_vector_rpm
 from fluxlock.cosim.plan import ConversationError
 from fluxlock.first_start.bench import Bench
+from fluxlock.first_start.guide import ByHandError, Guide
 from fluxlock.first_start.plot import turns_figure
 from fluxlock.first_start.turn import Lead, Record, TurnError
 from fluxlock.flash.board_console import SilentError
@@ -44,10 +41,10 @@ class StoppedError(RuntimeError):
 
 
 class FirstStart:
-    """One first start. out: folder of what it writes. share: of the rated current, in the turns. ask: before a step."""
+    """One first start. out: folder of what it writes. share: of the rated current, in the turns."""
 
-    def __init__(self, scenario: Scenario, out: Path, share: float, ask: bool) -> None:
-        self.scenario, self.out, self.ask = scenario, out, ask
+    def __init__(self, scenario: Scenario, out: Path, share: float, guide: Guide) -> None:
+        self.scenario, self.out, self.guide = scenario, out, guide
         self.step, self.done = STEPS[0], dict[str, Any]()
         self.record: Record | None = None
         motor, drive = scenario.motor, scenario.drive
@@ -60,14 +57,26 @@ class FirstStart:
             text = f"the method holds {least_rpm:.0f} r/min and more, too near this highest speed for a first turn"
             raise ConfigError([scenario.sources.problem("motor.max_speed_rpm", text)])
 
-    def lead(self, bench: Bench) -> None:
-        """All steps. Raises StoppedError, and typer.Abort for one that is stopped by hand."""
+    def run(self, bench: Bench) -> Verdict:
+        """All steps, and the report of them. At the end of a board's the gates are off."""
+        try:
+            self._lead(bench)
+            verdict = Verdict(True, ["the machine is wired, measured, turns and follows a step of its speed"])
+        except StoppedError as error:
+            verdict = Verdict(False, str(error).splitlines())
+        except (ByHandError, KeyboardInterrupt):
+            verdict = Verdict(False, [f"stopped by hand in the step {self.step}; the gates are off"])
+        self._write(verdict)
+        return verdict
+
+    def _lead(self, bench: Bench) -> None:
+        """Raises StoppedError, and ByHandError."""
         try:
             self._wiring(bench)
             motor = self._identify(bench)
             self._begin("first turn")
             with bench.drive(self.scenario, motor) as drive:
-                lead = Lead(drive)
+                lead = Lead(drive, self.guide.look)
                 self.record = lead.record
                 with lead.within(self.limit_a):
                     self._turn(lead)
@@ -75,35 +84,34 @@ class FirstStart:
         except TROUBLES as error:
             raise StoppedError(f"{self.step}: {error}") from None
 
-    def write(self, verdict: Verdict) -> None:
-        """Report and plot of what has been done."""
+    def _write(self, verdict: Verdict) -> None:
         document = {"verdict": verdict.as_json(), "scenario": self.scenario.name, "steps": self.done}
         (self.out / "first-start.json").write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
         if self.record is not None and self.record.time_s:
             save(turns_figure(self.record, self.limit_a, self.scenario.name), self.out / "turns.png")
 
-    def _limits(self) -> str:
+    def limits(self, step: str) -> str:
+        """What a step does to the machine at most."""
         motor = self.scenario.motor
-        if self.step == "wiring":
+        if step == "wiring":
             return f"pulses up to {CURRENT_SHARE * motor.rated_current_a:.3g} A for 0.2 s; the rotor stays where it is"
-        if self.step == "identify":
+        if step == "identify":
             most = f"{motor.rated_current_a:.3g} A and {0.2 * motor.max_speed_rpm:.0f} r/min"
             return f"up to {most} for some seconds; the shaft has to turn freely"
-        speed_rpm = self.turn_rpm if self.step == "first turn" else self.step_rpm
+        speed_rpm = self.turn_rpm if step == "first turn" else self.step_rpm
         return f"up to {self.limit_a:.3g} A and {speed_rpm} r/min"
 
     def _begin(self, step: str) -> None:
         self.step = step
-        text = f"{STEPS.index(step) + 1}/{len(STEPS)} {step}: {self._limits()}"
-        Terminal(stderr=True).print(text, highlight=False, soft_wrap=True)
-        if self.ask and not typer.confirm("go on?", default=True, err=True):
+        self.guide.begin(STEPS.index(step) + 1, step, self.limits(step))
+        if not self.guide.ask("go on?"):
             raise StoppedError(f"stopped before the step {step}; the gates are off")
 
     def _end(self, passed: bool, text: str, **values: object) -> None:
         self.done[self.step] = {"passed": passed, "text": text, **values}
+        self.guide.end(self.step, passed, text)
         if not passed:
             raise StoppedError(f"{self.step}: {text}")
-        print(f"{self.step}: {text}", flush=True)
 
     def _wiring(self, bench: Bench) -> None:
         self._begin("wiring")
@@ -114,7 +122,7 @@ class FirstStart:
     def _identify(self, bench: Bench) -> Motor:
         self._begin("identify")
         s = self.scenario
-        with showing() as progress:
+        with self.guide.progress() as progress:
             measured = bench.identify(s, progress)
         plate, found = plate_of(s.motor), quantities(measured.values, s.inverter.on_resistance_ohm, s.motor)
         origin = f"Measured by fluxlock first-start with the inverter {s.inverter.name}."
@@ -127,7 +135,7 @@ class FirstStart:
     def _turn(self, lead: Lead) -> None:
         turned = lead.reach(self.turn_rpm, TURN_S)
         lead.rest()
-        if self.ask and not typer.confirm("did the shaft turn the way that you want?", default=True, err=True):
+        if not self.guide.ask("did the shaft turn the way that you want?"):
             text = "the other way is wanted: swap two leads of the motor and begin anew, or ask for negative speeds"
             self._end(False, text)
         self._end(True, f"{self.turn_rpm} r/min after {turned.settled_s:.2f} s", settled_s=round(turned.settled_s, 3))

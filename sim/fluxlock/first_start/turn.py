@@ -60,9 +60,12 @@ class Stepped:
 
 
 class Lead:
-    """Asks a drive to turn. Times are those of the record, which goes on from turn to turn."""
+    """Asks a drive to turn. Times are those of the record, which goes on from turn to turn.
 
-    def __init__(self, drive: Drive, show: Callable[[float, float], None] = lambda speed_rpm, current_a: None) -> None:
+    show: called at each look with the drive's state; what it raises ends the turn.
+    """
+
+    def __init__(self, drive: Drive, show: Callable[[str, Record], None] = lambda state, record: None) -> None:
         self.drive, self.record, self._show = drive, Record(), show
         self._now_s = 0.0
 
@@ -101,7 +104,7 @@ class Lead:
             strict=True,
         ):
             values.append(value)
-        self._show(speed_rpm, current_a)
+        self._show(state, r)
         if state == "fault":
             fault, phase = told.get("fault", "unknown"), pairs(self.drive.ask("get phase")).get("phase", "none")
             where = f" in the phase {phase}" if phase != "none" else ""

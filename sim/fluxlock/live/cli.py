@@ -63,6 +63,13 @@ def live(
     chip: Annotated[
         bool, typer.Option("--chip", help="The Verilated chip in place of the twin, in slow motion, clock by clock.")
     ] = False,
+    first_start: Annotated[
+        bool,
+        typer.Option(
+            "--first-start",
+            help="The steps of `fluxlock first-start`, one by one on the page; with --board at your bench.",
+        ),
+    ] = False,
     browser: Annotated[bool, typer.Option("--browser", help="Open the page in this machine's browser.")] = False,
     allow_overload: Annotated[
         bool, typer.Option(ALLOW_OVERLOAD, help="Targets may need more than the current limit.")
@@ -79,8 +86,11 @@ def live(
     from fluxlock.live.link import Link
     from fluxlock.live.server import Server, application
 
-    shown, used_seed = shown_of(source, port_of_board, set_ or (), seed, allow_overload, chip)
     folder = (out if out is not None else RESULTS / f"{source.stem}-live").resolve()
+    if first_start:
+        shown, used_seed = first_start_of(source, port_of_board, set_ or (), seed, chip, folder), 0
+    else:
+        shown, used_seed = shown_of(source, port_of_board, set_ or (), seed, allow_overload, chip)
     prepare_folder(folder)
     if token is None:
         token = "" if host in LOOPBACK else secrets.token_urlsafe(16)
@@ -136,6 +146,26 @@ def shown_of(
         return ChipPlan(scenario), used
     check_playable(scenario)
     return scenario, used
+
+
+def first_start_of(
+    source: Path, board: Path | None, set_: Sequence[str], seed: int | None, chip: bool, folder: Path
+) -> Shown:
+    """A first start, at a board or simulated; ConfigError."""
+    from fluxlock.cosim.cautions import checked
+    from fluxlock.first_start.bench import check_bench
+    from fluxlock.first_start.steps import FirstStart
+    from fluxlock.live.first_start import CURRENT_SHARE, FirstStartPlan, PageGuide
+
+    if source.is_dir() or chip or seed is not None:
+        text = "goes with a scenario and, at a bench, --board; leave out --chip and --seed"
+        raise ConfigError([Problem("--first-start", str(source), text)])
+    scenario = checked(source, set_, True)
+    if board is not None:
+        check_port(board)
+    check_bench(scenario, board)
+    FirstStart(scenario, folder, CURRENT_SHARE, PageGuide())  # is there room for a turn?
+    return FirstStartPlan(scenario, board, folder)
 
 
 def check_port(port: Path) -> None:

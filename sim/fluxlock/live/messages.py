@@ -110,6 +110,13 @@ class Bus(Message):
     silent: bool
 
 
+class Answer(Message):
+    """To the question of a first start; a no where nothing is asked ends the step."""
+
+    kind: Literal["answer"]
+    yes: bool
+
+
 class Pace(Message):
     """Simulated over real time; 0: pause."""
 
@@ -149,7 +156,7 @@ class Table(Message):
 
 
 Action = Drive | Set | LoadFactor | Supply | Break | Bus
-Order = Action | Pace | Step | Restart | Export  # to the source
+Order = Action | Answer | Pace | Step | Restart | Export  # to the source
 Received = View | Planes | Table | Order
 _ADAPTER: TypeAdapter[Received] = TypeAdapter(Annotated[Received, Field(discriminator="kind")])
 

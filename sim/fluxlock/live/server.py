@@ -38,11 +38,14 @@ STATIC = {
     "live.js": ("live.js", "text/javascript"),
     "pictures.js": ("pictures.js", "text/javascript"),
     "lines.js": ("lines.js", "text/javascript"),
+    "wizard.js": ("wizard.js", "text/javascript"),
     "live.css": ("live.css", "text/css"),
     "uPlot.js": ("vendor/uPlot.iife.min.js", "text/javascript"),
     "uPlot.css": ("vendor/uPlot.min.css", "text/css"),
 }
-POLICY = "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; connect-src 'self'; img-src data:"
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; connect-src 'self'; img-src 'self' data:"
+)
 STATUS_S = 0.1
 NO_ENTRY = 4403  # code with which a websocket is closed
 CSV_ROWS = 2_000_000
@@ -71,8 +74,8 @@ class Server:
                 self.keep(name, text)
         except OSError as error:
             return {"kind": "error", "text": f"{error.filename}: {error.strerror}"}
-        names = list(message["texts"])
-        return {"kind": "files", "names": names, "folder": str(self.folder), "scenario": names[0]}
+        told = {"kind": "files", "names": list(message["texts"]), "folder": str(self.folder)}
+        return told | ({"scenario": message["scenario"]} if "scenario" in message else {})
 
     def keep(self, name: str, content: str | bytes) -> None:
         """Write a file that may be downloaded; its name is made of a checked word and a suffix."""
@@ -128,6 +131,8 @@ class Viewer:
             self.put(link.hello)
             for entry in link.said:
                 self.put(entry)
+        if server.files:
+            self.put({"kind": "files", "names": list(server.files), "folder": str(server.folder)})
         if link.died:
             self.put({"kind": "died", "text": link.died})
 

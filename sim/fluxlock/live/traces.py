@@ -196,8 +196,13 @@ class Ring:
         return self._time[low:high], self._rows[[NAMES.index(name) for name in names], low:high]
 
     def planes(self, from_s: float, to_s: float) -> dict[str, list[float] | float | None]:
-        """Current vector in both frames, PLANE_POINTS at most, A; true angle and the drive's error at the end, deg."""
+        """Current vector in both frames, PLANE_POINTS at most, A; true angle and the drive's error at the end, deg.
+
+        Of a source without true currents, as a board is, no points.
+        """
         time_s, rows = self.cut(from_s, to_s, ["id", "iq", "theta_deg", "angle_error_deg"])
+        known = np.isfinite(rows[:3]).all(axis=0)
+        time_s, rows = time_s[known], rows[:, known]
         if time_s.size == 0:
             return {"alpha": [], "beta": [], "id": [], "iq": [], "theta_deg": None, "error_deg": None}
         d, q, angle, _ = rows[:, :: max(1, -(-time_s.size // PLANE_POINTS))].astype(float)
@@ -205,10 +210,10 @@ class Ring:
         vector = (d + 1j * q) * np.exp(1j * np.radians(angle))  # of any number of phases
         shown: dict[str, list[float] | float | None] = {"alpha": vector.real.tolist(), "beta": vector.imag.tolist()}
         shown |= {"id": d.tolist(), "iq": q.tolist()}
-        known = {
+        ends = {
             name: value if np.isfinite(value) else None for name, value in (("theta_deg", theta), ("error_deg", error))
         }
-        return shown | known
+        return shown | ends
 
     def picture(
         self, from_s: float, to_s: float, names: list[str], width: int, until_s: float | None = None

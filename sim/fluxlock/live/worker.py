@@ -24,6 +24,7 @@ from fluxlock.flash.serial_port import PortError
 from fluxlock.live import messages
 from fluxlock.live.board import Board, BoardPlan
 from fluxlock.live.chip import BrokenError, Chip, ChipPlan
+from fluxlock.live.first_start import FirstStartPlan, FirstStartSource
 from fluxlock.live.replay import Replay
 from fluxlock.live.source import KEPT_S, SLICE_S, RefusedError, Source
 from fluxlock.live.traces import NAMES
@@ -33,7 +34,7 @@ STATES = names("drive_state_t")
 ROUND_S = 0.03  # between two looks at the pipe
 LAG_S = 0.2  # what the clock is ahead by at most
 SHARE = 0.3  # of the time factor's mean, that a round adds
-Shown = Scenario | Path | BoardPlan | ChipPlan
+Shown = Scenario | Path | BoardPlan | ChipPlan | FirstStartPlan
 
 
 class Worker:
@@ -55,6 +56,9 @@ class Worker:
         elif isinstance(shown, ChipPlan):
             self.end()
             self.source = Chip(shown, self._seed)
+        elif isinstance(shown, FirstStartPlan):
+            self.end()
+            self.source, self._written = FirstStartSource(shown), False
         else:
             self.source = Twin(shown, self._seed)
         self._send({"kind": "hello"} | self.source.hello())
@@ -65,7 +69,7 @@ class Worker:
 
     def end(self) -> None:
         """End what the source has begun."""
-        if isinstance(source := getattr(self, "source", None), Chip):
+        if isinstance(source := getattr(self, "source", None), Chip | FirstStartSource):
             source.end()
 
     def _send(self, what: dict[str, Any]) -> None:
@@ -90,7 +94,12 @@ class Worker:
             elif isinstance(order, messages.Step):
                 self.wanted, self._step_s, self._until = 0.0, order.seconds, order.until
             elif isinstance(order, messages.Export):
-                self._send({"kind": "files", "name": order.name, "texts": self.source.export(order.name)})
+                texts = self.source.export(order.name)
+                self._send({"kind": "files", "texts": texts, "scenario": next(iter(texts))})
+            elif isinstance(order, messages.Answer):
+                if not isinstance(self.source, FirstStartSource):
+                    raise RefusedError("nothing is asked: `fluxlock live SCENARIO --first-start` leads through steps")
+                self.source.answer(order.yes)
             else:
                 self.source.act(order)
         except RefusedError as error:
@@ -136,6 +145,9 @@ class Worker:
         for entry in self.source.said[self._told :]:
             self._send(entry)
         self._told = len(self.source.said)
+        if isinstance(self.source, FirstStartSource) and self.source.verdict and not self._written:
+            self._written = True
+            self._send({"kind": "files", "texts": self.source.written()})
         states = rows[NAMES.index("state")]
         whole = states[np.isfinite(states) & (states != STATES.index("fault"))]
         if whole.size:

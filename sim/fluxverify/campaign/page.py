@@ -115,8 +115,9 @@ def page(document: dict[str, Any]) -> str:
         "one that raises an exception, or one that goes round in itself. It is whole again when the firmware starts "
         f"anew. A main loop that hangs takes {1e3 * LOOP_S:.0f} ms to be found, a node {1e3 * NODE_S:.0f} ms. A stack "
         "overflow is a write of the core to its last word. Floods fill the console or the CAN bus for "
-        f"{1e3 * FLOOD_S:.0f} ms, with noise of seed {NOISE_SEED}; another node sends those of the bus. *Started "
-        "again*: an over-current by a sample, then `clear` and `start`, with a winding that is shorted by then or whole.",
+        f"{1e3 * FLOOD_S:.0f} ms, with noise of seed {NOISE_SEED}; another node sends those of the bus. "
+        "*Started again*: an over-current by a sample, then `clear` and `start`, with a winding that is shorted by "
+        "then or whole.",
         "",
         "The drives board and board-vector run on the chip behind `fl_board`, with its oscillator, its reset of "
         f"{BOARD_RESET_CYCLES} clocks and its serial converters. There the chip's clock and the oscillator stop, and "

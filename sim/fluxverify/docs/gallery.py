@@ -29,6 +29,7 @@ COMMANDS = {
     "identify.png": "fluxlock identify --plant motors/motor-2.toml --inverter inverters/bench-25v.toml"
     " --out motors/my-motor.toml",
     "live.png": "fluxlock live scenarios/vector/start.toml",
+    "live-first-start.png": "fluxlock live scenarios/own-spindle.toml --first-start",
     "live-chip.png": "fluxlock live scenarios/own-spindle.toml --chip",
     "six-step-soa.png": "fluxlock soa",
     "six-step-stability.png": "fluxlock stability",

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 from fluxlock.cosim.run import image_of
 from fluxlock.firmware import compile_parameters
-from fluxverify.regression.case import Number, Row, case
+from fluxverify.regression.case import Condition, Number, Row, case
 from fluxverify.regression.runner import Runner
-from fluxverify.regression.six_step.measures import event, timeline
+from fluxverify.regression.six_step.measures import Limits, event, timeline
 
 # Phases, method of the image with the CANopen node, None: without it, all methods. docs/canopen.md has those with it.
 BUDGET_BYTES = {(3, None): 117_760, (5, None): 86_016, (3, "six-step"): 100_352, (3, "vector"): 108_544}
@@ -46,20 +46,21 @@ def _row(runner: Runner, family: str, work: Work, can: bool) -> Row:
     run = runner.drive(work.file, name, *work.overrides, "expect=[]", *(("can.node_id=5",) if can else ()))
     phases, method = run.scenario.motor.phases, run.scenario.drive.method if can else None
     control = run.result["run"]["isr"]["control"]
-    tick_cycles = int(compile_parameters(run.scenario)["tick_cycles"])
+    tick_cycles = compile_parameters(run.scenario)["tick_cycles"]
+    assert isinstance(tick_cycles, int)
     values: dict[str, Number] = {
         "bytes": image_of(run.scenario).stat().st_size,
         "control_cycles.mean": control["mean"],
         "control_cycles.max": control["max"],
         "overruns": run.result["run"]["overruns"],
     }
-    limits = {
+    limits: Limits = {
         "bytes": (None, BUDGET_BYTES[phases, method]),
         "control_cycles.max": (None, work.ticks * tick_cycles),
         "overruns": (0, 0),
     }
     image = "all methods" if method is None else f"{method} with the CANopen node"
-    conditions = {"image": image, "scenario": work.file, "tick_cycles": tick_cycles}
+    conditions: dict[str, Condition] = {"image": image, "scenario": work.file, "tick_cycles": tick_cycles}
     return Row(f"{family}/images/{name}", conditions, values, limits)
 
 

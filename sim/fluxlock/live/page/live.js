@@ -9,7 +9,8 @@
  *   low: number|null, high: number|null, permitted: string, value: string}} Setting */
 /** @typedef {{traces: [string, string, string][], settings: Setting[], name: string, source: string, method: string,
  *   max_speed_rpm: number, supply_v: number, supply_most_v: number, rated_torque_nm: number, faults: {name: string, text: string, order: object|null, why: string}[],
- *   without: string[], marks: string[], steps?: [string, number, string][]}} Hello */
+ *   without: string[], marks: string[], steps?: [string, number, string][],
+ *   wizard?: {steps: [string, string][], note: string}}} Hello */
 
 const LANE = 1.25, LANE_PX = 16;  // height of a logic lane, of which a level takes 1; and on the screen
 const AXIS_PX = 76, EDGE_PX = 28;  // left and right of the panels
@@ -95,6 +96,7 @@ function journal(text, refused) {
 
 /** @param {{names: string[], scenario?: string, folder: string}} message */
 function files(message) {
+  if (hello && hello.wizard) showPlots(message.names);
   at("files").replaceChildren(...message.names.map((name) => {
     const link = document.createElement("a");
     link.href = `files/${name}${location.search}`;
@@ -127,6 +129,7 @@ function report(message) {
     if (document.activeElement !== at(id)) at(id).value = value;
     at(`${id}-out`).textContent = `${Number(value).toLocaleString("en")} ${unit}`;
   }
+  if (message.wizard) showSteps(message.wizard);
   for (const [name, value] of Object.entries(message.values)) {
     const input = at(`set-${name}`);
     if (input && document.activeElement !== input) input.value = value;
@@ -169,7 +172,11 @@ function build(message) {
   at("name").textContent = `${message.name} — ${message.source}${message.method ? `, ${message.method}` : ""}`;
   document.title = `${message.name} — Fluxlock live`;
   if (told.state === undefined) at("state").textContent = "the source begins";
-  const [drive, model] = [message.source !== "recording", ["twin", "chip"].includes(message.source)];
+  const [drive, model] = [!["recording", "first start"].includes(message.source), ["twin", "chip"].includes(message.source)];
+  at("wizard").hidden = !message.wizard;
+  at("time").hidden = Boolean(message.wizard);
+  document.body.classList.toggle("first-start", Boolean(message.wizard));
+  if (message.wizard) beginSteps(message.wizard);
   for (const id of ["knobs", "breaks", "table"]) at(id).hidden = !drive;
   at("export").hidden = !model;
   for (const id of ["load", "supply"]) at(id).disabled = !model;
@@ -187,7 +194,7 @@ function build(message) {
   if (again) return;
   at("traces").replaceChildren(...message.traces.map(([name, unit, text]) => {
     const label = document.createElement("label");
-    const box = Object.assign(document.createElement("input"), { type: "checkbox", value: name, checked: (SHOWN.includes(name) || unit === "level") && !message.without.includes(name) });
+    const box = Object.assign(document.createElement("input"), { type: "checkbox", value: name, checked: (SHOWN.includes(name) || unit === "level" || Boolean(message.wizard)) && !message.without.includes(name) });
     box.onchange = layout;
     label.title = text;
     label.append(box, ` ${name} / ${unit}`);
@@ -195,6 +202,7 @@ function build(message) {
   }));
   at("trigger").replaceChildren(new Option("none", ""), ...message.marks.map((name) => new Option(name, `!${name}`)), ...message.traces.map(([name]) => new Option(name, name)));
   legend(message.marks);
+  if (message.wizard) at("span").value = "10";
   if (message.steps) {
     at("step-by").replaceChildren(...message.steps.map(([name, seconds, until]) => new Option(name, `${seconds} ${until}`)), ...at("step-by").children);
     at("span").value = "0.005";
@@ -408,5 +416,6 @@ function wire() {
 }
 
 wire();
+wireSteps();
 connect();
 ask();
