@@ -10,13 +10,19 @@ import os
 import pty
 import select
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
+import can
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from fluxlock.can import sdo
+from fluxlock.can.sdo import NodeError
 from fluxlock.cli import app
 from fluxlock.config import ConfigError, load_scenario
 from fluxlock.flash import board_console
@@ -24,7 +30,9 @@ from fluxlock.live import messages
 from fluxlock.live.board import Board, BoardPlan, core_load
 from fluxlock.live.source import RefusedError
 from fluxlock.live.traces import NAMES
+from fluxlock.native.drive import drive_of_scenario
 from fluxlock.native.player import player
+from tests.can.served import on_a_bus
 from tests.flash.board_terminal import behind_a_terminal
 
 SPINDLE = "scenarios/own-spindle.toml"
@@ -125,6 +133,75 @@ def test_bad_board(arguments: list[str], text: str) -> None:
     """Each is one line that names the option.
 
     Verifies: LIVE-09, LIVE-11
+    """
+    result = CliRunner().invoke(app, ["live", *arguments])
+    assert isinstance(result.exception, ConfigError) and text in str(result.exception)
+
+
+CAN = "scenarios/can.toml"
+SETTING_NAMES = {"commutation", "balance", "carrier_hz"}
+
+
+def shown_until(source: Board, condition: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+    """Look until the status is so."""
+    end_s = time.monotonic() + 60.0
+    while not condition(status := source.status()):
+        assert time.monotonic() < end_s, status
+        source.advance(0.01)
+    return status
+
+
+def test_a_board_is_led_by_its_node() -> None:
+    """Over CAN: start, speed and settings by SDO, values become traces; what is no object is refused by name.
+
+    Verifies: LIVE-11
+    """
+    scenario = load_scenario(CAN)
+    assert scenario.can is not None
+    with on_a_bus(drive_of_scenario(scenario, scenario.can.node_id)) as bus:
+        source = Board(BoardPlan(None, scenario, bus))
+        try:
+            assert {entry["name"] for entry in source.hello()["settings"]} >= SETTING_NAMES
+            shown_until(source, lambda status: status["state"] == "ready")
+            for name, value in (("speed_rpm", "20000"), ("balance", "both"), ("current_limit_a", "1")):
+                source.act(messages.Set(kind="set", name=name, value=value))
+            answers = [entry["answer"] for entry in source.said]
+            assert answers[:2] == ["ok", "ok"]
+            assert answers[2].startswith("error: current_limit_a is no object of the node")
+            source.act(messages.Drive(kind="drive", do="start"))
+            status = shown_until(source, lambda status: abs(status["speed_rpm"] - 20_000) < 200)
+            assert status["state"] == "operation enabled" and status["target_rpm"] == 20_000
+            assert status["values"]["balance"] == "both" and status["supply_v"] == pytest.approx(25.0, abs=0.5)
+            _, rows = source.take()
+            assert np.nanmax(rows[NAMES.index("motor_a")]) > 1.0
+            source.act(messages.Drive(kind="drive", do="stop"))
+            shown_until(source, lambda status: status["state"] == "ready")
+        finally:
+            source.end()
+
+
+def test_a_node_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The page hears why, in one line.
+
+    Verifies: LIVE-11
+    """
+    monkeypatch.setattr(sdo, "SDO_S", 0.05)
+    with can.Bus(interface="virtual", channel="empty"), pytest.raises(NodeError, match="node 5 does not answer"):
+        Board(BoardPlan(None, load_scenario(CAN), "virtual:empty"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ([SPINDLE, "--can", "virtual:x"], "can: with node-ID and bit rate"),
+        ([CAN, "--can", "vcan0"], "must be INTERFACE:CHANNEL"),
+        ([CAN, "--can", "virtual:x", "--chip"], "leave out --board, --chip, --first-start"),
+    ],
+)
+def test_refused_on_a_bus(arguments: list[str], text: str) -> None:
+    """Before the page is there.
+
+    Verifies: LIVE-11
     """
     result = CliRunner().invoke(app, ["live", *arguments])
     assert isinstance(result.exception, ConfigError) and text in str(result.exception)

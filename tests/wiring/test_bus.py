@@ -7,25 +7,23 @@ from __future__ import annotations
 
 import itertools
 import json
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import can
 import pytest
 
+from fluxlock.can import sdo
 from fluxlock.config import Scenario
 from fluxlock.firmware import build_canopen_library
 from fluxlock.native.drive import STEP_US
 from fluxlock.native.node import HostNode
 from fluxlock.native.play import PIN
-from fluxlock.native.serve import serve
 from fluxlock.native.vector_chip import VectorChip
 from fluxlock.native.vector_run import vector_chip_of
 from fluxlock.wiring import reach
 from fluxlock.wiring.measure import lead, on_board, on_bus, on_twin
 from fluxlock.wiring.reach import WiringError
+from tests.can.served import on_a_bus
 from tests.wiring.test_wiring import FILE, command, wired
 
 NODE = 9
@@ -36,7 +34,7 @@ LINE_S = 5e-3  # simulated for each line of the console
 @pytest.fixture(autouse=True)
 def patience(monkeypatch: pytest.MonkeyPatch) -> None:
     """A loaded machine may be slow."""
-    monkeypatch.setattr(reach, "SDO_S", 60.0)
+    monkeypatch.setattr(sdo, "SDO_S", 60.0)
 
 
 class VectorDrive:
@@ -54,20 +52,6 @@ class VectorDrive:
         self.chip.advance(round(1e-6 * STEP_US / self.chip.timing.period_s))
         self.now_us += STEP_US
         self.node.step(self.now_us)
-
-
-@contextmanager
-def on_a_bus(drive: VectorDrive) -> Iterator[str]:
-    """The drive serves its node in a thread, at the clock's pace; name of its bus. Others leave it alone meanwhile."""
-    over, channel = threading.Event(), f"wiring-{next(CHANNELS)}"
-    with can.Bus(interface="virtual", channel=channel) as bus:
-        thread = threading.Thread(target=serve, args=(drive, bus, over.is_set, 1.0))
-        thread.start()
-        try:
-            yield f"virtual:{channel}"
-        finally:
-            over.set()
-            thread.join()
 
 
 @pytest.mark.parametrize("keys", [{}, {"current_order": "BCA", "current_inverted": ["C"]}, {"voltage_order": "ACB"}])
@@ -106,7 +90,7 @@ def test_command_over_can(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         said = capsys.readouterr()
         assert json.loads(said.out)["current_order"] == "ACB"
         assert "failed: current sensors of B and C are swapped" in said.err
-        monkeypatch.setattr(reach, "SDO_S", 0.1)
+        monkeypatch.setattr(sdo, "SDO_S", 0.1)
         assert command(monkeypatch, *words, "can={node_id=3}") == 1
         assert "failed: node 3 does not answer" in capsys.readouterr().err
 
@@ -196,5 +180,5 @@ def test_a_running_drive_is_left_alone() -> None:
     assert [line for line in asked if not line.startswith("get ")] == []
     node = EnabledNode()
     with pytest.raises(WiringError, match="a master has enabled"):
-        lead(reach.BySdo(node, wired()), lambda _: None)
+        lead(reach.BySdo(sdo.Objects(node, NODE), wired()), lambda _: None)
     assert node.written == 0

@@ -9,7 +9,7 @@ import errno
 import ipaddress
 from typing import TYPE_CHECKING, Any
 
-from fluxlock.config import ConfigError, Problem
+from fluxlock.config import ConfigError, Problem, Scenario
 
 if TYPE_CHECKING:
     import can
@@ -31,6 +31,14 @@ def open_bus(name: str, kbit_per_s: int | None = None) -> can.BusABC:
     _check(name, interface, channel)
     settings = {} if kbit_per_s is None else {"bitrate": 1000 * kbit_per_s}
     return _open(name, interface, channel, settings)
+
+
+def bus_of(scenario: Scenario, name: str) -> tuple[can.BusABC, int]:
+    """The bus on which a scenario's board is, and its node-ID; ConfigError."""
+    if scenario.can is None:
+        text = "with node-ID and bit rate of the board's bus is missing: --set 'can={node_id=5}'"
+        raise ConfigError([scenario.sources.problem("can", text)])
+    return open_bus(name, scenario.can.bit_rate_kbit_per_s), scenario.can.node_id
 
 
 def has_taken(bus: can.BusABC, message: can.Message) -> bool:

@@ -1,20 +1,23 @@
 # SPDX-FileCopyrightText: 2026 Fluxlock contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A board as a source: its console over a serial port, asked for all values again and again.
+"""A board as a source: its console over a serial port, or its CANopen node, asked for all values again and again.
 
-What the console tells is all that is known: there is no true angle, and a row is a reply, some 20 to 50 a second.
+What it tells is all that is known: there is no true angle, and a row is a reply, some 20 to 50 a second.
 """
 
 from __future__ import annotations
 
 import time
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from fluxlock.can.can_bus import bus_of
+from fluxlock.can.sdo import objects_of
 from fluxlock.config import Scenario
 from fluxlock.config.console import line_problem
 from fluxlock.firmware.binding import names
@@ -23,6 +26,7 @@ from fluxlock.flash.serial_port import SerialPort
 from fluxlock.interface.settings import load_settings
 from fluxlock.live import messages
 from fluxlock.live.faults import catalogue
+from fluxlock.live.node_console import NodeConsole
 from fluxlock.live.played import shown_setting
 from fluxlock.live.source import RefusedError
 from fluxlock.live.traces import NAMES, Floats, Marks
@@ -45,10 +49,11 @@ STATES, LIMITS = names("drive_state_t"), names("limit_t")
 
 @dataclass(frozen=True)
 class BoardPlan:
-    """What a board's process needs to know. scenario: of the firmware that is on it."""
+    """What a board's process needs to know. scenario: of its firmware. bus: of python-can, without a serial port."""
 
-    port: Path
+    port: Path | None
     scenario: Scenario
+    bus: str = ""
 
 
 class Board:
@@ -56,8 +61,14 @@ class Board:
 
     def __init__(self, plan: BoardPlan, port: Port | None = None) -> None:
         self.scenario = plan.scenario
-        self._name = str(plan.port)
-        self._console = Console(port if port is not None else SerialPort(plan.port))
+        self._name = plan.bus or str(plan.port)
+        self._opened = ExitStack()
+        self._console: Console | NodeConsole
+        if plan.bus:
+            self._console = NodeConsole(self._opened.enter_context(objects_of(*bus_of(plan.scenario, plan.bus))))
+        else:
+            assert plan.port is not None
+            self._console = Console(port if port is not None else SerialPort(plan.port))
         self.said: list[dict[str, Any]] = []
         self._begin = time.monotonic()
         self._values: dict[str, str] = {}
@@ -69,6 +80,10 @@ class Board:
             for setting in load_settings()
             if setting.name in self._values
         ]
+
+    def end(self) -> None:
+        """Close its bus."""
+        self._opened.close()
 
     @property
     def now(self) -> float:

@@ -60,6 +60,10 @@ def live(
         Path | None,
         typer.Option("--board", metavar="PORT", help="Serial port of a board that runs the scenario's firmware."),
     ] = None,
+    can: Annotated[
+        str | None,
+        typer.Option("--can", metavar="INTERFACE:CHANNEL", help="Bus of python-can with a board's CANopen node."),
+    ] = None,
     chip: Annotated[
         bool, typer.Option("--chip", help="The Verilated chip in place of the twin, in slow motion, clock by clock.")
     ] = False,
@@ -87,7 +91,12 @@ def live(
     from fluxlock.live.server import Server, application
 
     folder = (out if out is not None else RESULTS / f"{source.stem}-live").resolve()
-    if first_start:
+    if can is not None:
+        if chip or first_start or port_of_board is not None or seed is not None or source.is_dir():
+            text = "goes with the scenario of the board's firmware; leave out --board, --chip, --first-start and --seed"
+            raise ConfigError([Problem("--can", can, text)])
+        shown, used_seed = node_of(source, can, set_ or (), allow_overload), 0
+    elif first_start:
         shown, used_seed = first_start_of(source, port_of_board, set_ or (), seed, chip, folder), 0
     else:
         shown, used_seed = shown_of(source, port_of_board, set_ or (), seed, allow_overload, chip)
@@ -146,6 +155,17 @@ def shown_of(
         return ChipPlan(scenario), used
     check_playable(scenario)
     return scenario, used
+
+
+def node_of(source: Path, bus: str, set_: Sequence[str], allow_overload: bool) -> Shown:
+    """A board by its CANopen node; ConfigError."""
+    from fluxlock.can.can_bus import bus_of
+    from fluxlock.cosim.cautions import checked
+    from fluxlock.live.board import BoardPlan
+
+    scenario = checked(source, set_, allow_overload)
+    bus_of(scenario, bus)[0].shutdown()
+    return BoardPlan(None, scenario, bus)
 
 
 def first_start_of(

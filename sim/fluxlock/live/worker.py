@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from fluxlock.can.sdo import NodeError
 from fluxlock.config import ConfigError, Scenario
 from fluxlock.firmware.binding import names
 from fluxlock.flash.board_console import SilentError
@@ -52,6 +53,7 @@ class Worker:
         if isinstance(shown, Path):
             self.source = Replay(shown)
         elif isinstance(shown, BoardPlan):
+            self.end()
             self.source = Board(shown)
         elif isinstance(shown, ChipPlan):
             self.end()
@@ -69,7 +71,7 @@ class Worker:
 
     def end(self) -> None:
         """End what the source has begun."""
-        if isinstance(source := getattr(self, "source", None), Chip | FirstStartSource):
+        if isinstance(source := getattr(self, "source", None), Board | Chip | FirstStartSource):
             source.end()
 
     def _send(self, what: dict[str, Any]) -> None:
@@ -167,5 +169,5 @@ def work(pipe: Connection, shown: Shown, seed: int, factor: float) -> None:
         Worker(pipe, shown, seed, factor).run()
     except (EOFError, BrokenPipeError, ConnectionResetError):
         return
-    except (ConfigError, SilentError, PortError, BrokenError, OSError) as error:
+    except (ConfigError, NodeError, SilentError, PortError, BrokenError, OSError) as error:
         pipe.send({"kind": "died", "text": str(error)})

@@ -15,7 +15,7 @@ from rich.table import Table as RichTable
 
 from fluxlock.base.paths import RESULTS
 from fluxlock.can.can_bus import OPTION as CAN_OPTION
-from fluxlock.can.can_bus import open_bus
+from fluxlock.can.can_bus import bus_of
 from fluxlock.command_line import EXIT_FAILED
 from fluxlock.config import ConfigError, Problem, Scenario
 from fluxlock.help import complete_toml
@@ -30,12 +30,9 @@ def _measure(scenario: Scenario, seed: int, port: Path | None, can: str | None, 
     from fluxlock.wiring.measure import on_board, on_bus, on_chip, on_twin
 
     if can is not None:
-        bus = scenario.can
-        if bus is None:
-            text = "with node-ID and bit rate of the board's bus is missing: --set 'can={node_id=5}'"
-            raise ConfigError([scenario.sources.problem("can", text)])
-        with open_bus(can, bus.bit_rate_kbit_per_s) as opened:
-            return on_bus(scenario, opened, bus.node_id)
+        bus, node_id = bus_of(scenario, can)
+        with bus:
+            return on_bus(scenario, bus, node_id)
     if port is None:
         return on_chip(scenario, seed, RESULTS / f"{name}-wiring") if chip else on_twin(scenario, seed)
     with open_port(port) as opened:

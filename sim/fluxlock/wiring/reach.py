@@ -12,7 +12,19 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from fluxlock.canopen.dictionary import load_dictionary
+from fluxlock.can.sdo import (
+    DISABLE_VOLTAGE,
+    ENABLE,
+    ENABLED,
+    FAULT,
+    PROFILE_VELOCITY,
+    SHUTDOWN,
+    STATE_BITS,
+    AbortedError,
+    NodeError,
+    Objects,
+    objects_of,
+)
 from fluxlock.config import Scenario
 from fluxlock.firmware.binding import names
 from fluxlock.interface.settings import load_settings
@@ -26,12 +38,6 @@ Q17 = 2.0**17
 SETTINGS = {"check_wiring": "only", "catch": "0"}
 VALUES = ("fault", "wiring_ma", "wiring_mv", "vdc_v", "offset_ma")
 FLASH = "flash the firmware of this version"
-# Answer of the node: a simulated one may be slow.
-SDO_S = 2.0
-# CiA 402: state bits of the statusword, controlwords.
-STATE_BITS, ENABLED, FAULT = 0x6F, 0x27, 0x08
-SHUTDOWN, ENABLE, DISABLE_VOLTAGE = 0x06, 0x0F, 0x00
-PROFILE_VELOCITY = 3
 
 
 class WiringError(RuntimeError):
@@ -85,16 +91,6 @@ def told_by(values: dict[str, str]) -> Told:
     tables = table(values["wiring_ma"]), table(values["wiring_mv"])
     offset_a = tuple(1e-3 * float(word) for word in values["offset_ma"].split()[:3])
     return Told(values["fault"], *tables, float(values["vdc_v"]), offset_a)
-
-
-class Client(Protocol):
-    """Of SDOs: `SdoClient` of the package `canopen`, with what it raises."""
-
-    def upload(self, index: int, subindex: int) -> bytes:
-        """Read an object."""
-
-    def download(self, index: int, subindex: int, data: bytes) -> None:
-        """Write an object."""
 
 
 class ByConsole:
@@ -151,27 +147,15 @@ def _number_of(name: str, value: str) -> int:
 class BySdo:
     """The drive's CANopen node."""
 
-    def __init__(self, client: Client, scenario: Scenario) -> None:
-        self._client, self._sensing = client, scenario.inverter.sensing
-        self._entries = load_dictionary()
+    def __init__(self, objects: Objects, scenario: Scenario) -> None:
+        self._objects, self._sensing = objects, scenario.inverter.sensing
         self._before: dict[str, int] = {}
 
-    def _read(self, name: str) -> bytes:
-        entry = self._entries[name]
-        return bytes(self._client.upload(entry.index, entry.sub))
-
-    def _number(self, name: str) -> int:
-        return int.from_bytes(self._read(name), "little", signed=self._entries[name].signed)
-
-    def _write(self, name: str, value: int) -> None:
-        entry = self._entries[name]
-        self._client.download(entry.index, entry.sub, value.to_bytes(entry.bytes, "little", signed=entry.signed))
-
     def _fault(self) -> str:
-        return names("fault_t")[self._number("fault_present")]
+        return names("fault_t")[self._objects.number("fault_present")]
 
     def _state(self) -> int:
-        return self._number("statusword") & STATE_BITS
+        return self._objects.number("statusword") & STATE_BITS
 
     def begin(self) -> None:
         """See `Reach`. The operation is enabled with a target; the drive ends it after the test."""
@@ -182,22 +166,22 @@ class BySdo:
             raise WiringError("a master has enabled the drive's operation: it must be disabled")
         wanted = {"modes_of_operation": PROFILE_VELOCITY, "target_velocity": 1}
         wanted |= {f"setting_{name}": _number_of(name, value) for name, value in SETTINGS.items()}
-        self._before = {name: self._number(name) for name in wanted}
+        self._before = {name: self._objects.number(name) for name in wanted}
         for name, value in wanted.items():
-            self._write(name, value)
+            self._objects.write(name, value)
         for word in (SHUTDOWN, ENABLE):
-            self._write("controlword", word)
+            self._objects.write("controlword", word)
 
     def look(self) -> tuple[bool, float]:
         """See `Reach`."""
-        permille = self._number("current_actual")
-        return self._state() == ENABLED, 1e-6 * abs(permille) * self._number("rated_current")
+        permille = self._objects.number("current_actual")
+        return self._state() == ENABLED, 1e-6 * abs(permille) * self._objects.number("rated_current")
 
     def told(self) -> Told:
         """See `Reach`."""
-        data = self._read("wiring_tables")
+        data = self._objects.read("wiring_tables")
         fault = self._fault()
-        vdc_v = 1e-3 * self._number("dc_link_voltage")
+        vdc_v = 1e-3 * self._objects.number("dc_link_voltage")
         if not data:
             return Told(fault, None, None, vdc_v)
         current, voltage = np.frombuffer(data, "<i4").reshape(2, 3, 3) / Q17
@@ -207,29 +191,18 @@ class BySdo:
     def end(self) -> None:
         """See `Reach`."""
         if self._before:
-            self._write("controlword", DISABLE_VOLTAGE)
+            self._objects.write("controlword", DISABLE_VOLTAGE)
         for name, value in self._before.items():
-            self._write(name, value)
+            self._objects.write(name, value)
 
 
 @contextmanager
 def sdo_of(bus: can.BusABC, scenario: Scenario, node_id: int) -> Iterator[BySdo]:
     """The node of a board on a bus, which is closed at the end. Raises WiringError where it does not answer."""
-    # Slow to import, and not needed by other commands.
-    import can
-    import canopen
-
-    network = canopen.Network(bus)
-    node = network.add_node(node_id)
-    node.sdo.RESPONSE_TIMEOUT = SDO_S
-    network.connect()
     try:
-        yield BySdo(node.sdo, scenario)
-    except canopen.SdoAbortedError as error:
-        raise WiringError(f"node {node_id} refuses: {error}; {FLASH}") from None
-    except canopen.SdoCommunicationError as error:
-        raise WiringError(f"node {node_id} does not answer: {error}; are node-ID and bit rate right?") from None
-    except (can.CanError, OSError) as error:
-        raise WiringError(f"bus: {error}") from None
-    finally:
-        network.disconnect()
+        with objects_of(bus, node_id) as objects:
+            yield BySdo(objects, scenario)
+    except AbortedError as error:
+        raise WiringError(f"{error}; {FLASH}") from None
+    except NodeError as error:
+        raise WiringError(str(error)) from None
