@@ -65,7 +65,10 @@ class Board:
         self._opened = ExitStack()
         self._console: Console | NodeConsole
         if plan.bus:
-            self._console = NodeConsole(self._opened.enter_context(objects_of(*bus_of(plan.scenario, plan.bus))))
+            self._console = NodeConsole(
+                self._opened.enter_context(objects_of(*bus_of(plan.scenario, plan.bus))),
+                plan.scenario.drive.method == "vector",
+            )
         else:
             assert plan.port is not None
             self._console = Console(port if port is not None else SerialPort(plan.port))
@@ -93,7 +96,10 @@ class Board:
     def hello(self) -> dict[str, Any]:
         """What a page draws itself from."""
         s = self.scenario
-        known = {*TOLD, "state", "limit", "core_load"}
+        told = {"state": "state", "limit": "limit", "core_load": "idle"} | {
+            name: value for name, (value, _) in TOLD.items()
+        }
+        known = {name for name, value in told.items() if value in self._values}
         return {
             "name": self._name,
             "source": "board",

@@ -27,10 +27,9 @@ VALUES = {
     "measured_rpm": ("velocity_actual", 1),
     "reference_rpm": ("velocity_demand", 1),
     "vdc_v": ("dc_link_voltage", 1e-3),
-    "id_ma": ("observer_i_d", 1),
-    "iq_ma": ("observer_i_q", 1),
     "lost_locks": ("observer_lost_locks", 1),
 }
+VECTOR_VALUES = {"id_ma": ("observer_i_d", 1), "iq_ma": ("observer_i_q", 1)}
 # The drive's state by that of CiA 402. It does not tell whether an enabled drive still starts.
 STATES = {0x00: "init", 0x40: "ready", 0x21: "ready", 0x23: "ready", 0x07: "stopping", 0x0F: "stopping", 0x08: "fault"}
 WITHOUT_STATE = "operation enabled"
@@ -39,10 +38,13 @@ NAMED = {"speed_rpm": "target_velocity", "accel_rpm_s": "profile_acceleration"}
 
 
 class NodeConsole:
-    """Answers as `board_console.Console` does, from SDOs. Raises NodeError where the node does not answer."""
+    """Answers as `board_console.Console` does, from SDOs. Raises NodeError where the node does not answer.
 
-    def __init__(self, objects: Objects) -> None:
-        self._objects = objects
+    vector: the drive is one with vector control.
+    """
+
+    def __init__(self, objects: Objects, vector: bool) -> None:
+        self._objects, self._values = objects, VALUES | (VECTOR_VALUES if vector else {})
         settings = {s.name: (NAMED.get(s.name, f"setting_{s.name}"), tuple(s.choices)) for s in load_settings()}
         self._places = {name: place for name, place in settings.items() if objects.has(place[0])}
         self._rated_a = 1e-3 * objects.number("rated_current")
@@ -75,7 +77,7 @@ class NodeConsole:
             "fault": names("fault_t")[number("fault_present")],
             "motor_a": f"{1e-3 * abs(number('current_actual')) * self._rated_a:.3f}",
         }
-        found |= {value: f"{factor * number(name):g}" for value, (name, factor) in VALUES.items()}
+        found |= {value: f"{factor * number(name):g}" for value, (name, factor) in self._values.items()}
         return self._settings | found
 
     def _order(self, words: list[str]) -> None:
