@@ -239,6 +239,16 @@ async def damaged_stores_are_told(dut: Any) -> None:
         told = [int.from_bytes(f.data[:2], "little") for f in master.mac.received if f.id == 0x80 + NODE]
         assert (told, found) == ([emergency] if emergency else [], limit or default), name
         assert int(dut.gate_o.value) == 0
+    for sector in range(2):
+        tb.fill(FLASH_STORE + sector * FLASH_SECTOR_BYTES, newest)
+    record = pack_can_setup(NODE, KBIT_PER_S)
+    for at in (0, 4, len(record) - 1):  # node-ID, bit rate, check
+        tb.fill(FLASH_CAN_SETUP, record[:at] + bytes([record[at] ^ 1]) + record[at + 1 :])
+        await power_up(tb, master)  # by the node-ID of the store
+        assert await master.read("max_current") == STORED
+        told = [f.data for f in master.mac.received if f.id == 0x80 + NODE]
+        assert [(int.from_bytes(data[:2], "little"), data[6:8]) for data in told] == [(COPY, b"\x00\x20")], at
+        assert int(dut.gate_o.value) == 0
 
 
 def run_boot_soc(module: str) -> None:
