@@ -21,9 +21,11 @@ from fluxlock.cosim.chip import OSCILLATOR_KHZ
 from fluxlock.plant import channel_names
 from fluxverify.campaign import run
 from fluxverify.campaign.board import OSC_STOP_TO_OFF, STOP_TO_OFF
-from fluxverify.campaign.grid import DRIVES, LOOP_S, NODE_S, Drive, Fault, actions_of, plant_faults, upsets
+from fluxverify.campaign.faults import LOOP_S, NODE_S, plant_faults
+from fluxverify.campaign.grid import DRIVES, Drive, Fault
 from fluxverify.campaign.judge import HALTED, RIDDEN, STOPPED, WRONG
 from fluxverify.campaign.run import grid, run_drive
+from fluxverify.campaign.upsets import actions_of, upsets
 from tests.docs.constants import constant
 
 SEED = 1

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from fluxlock.clock import CLOCK_HZ
 from fluxlock.cosim.chip import OSCILLATOR_KHZ
-from fluxverify.campaign.grid import CLOCK, FOR_EVER_S, NONE, PIN, Change, Fault, held
+from fluxverify.campaign.faults import FOR_EVER_S, held
+from fluxverify.campaign.grid import CLOCK, NONE, PIN, Change, Fault
 
 # To open gates: clocks of the oscillator from the chip's last edge, clocks of the chip from the oscillator's.
 STOP_TO_OFF, OSC_STOP_TO_OFF = 62, 102

@@ -18,7 +18,8 @@ from fluxlock.config import ConfigError, Problem
 from fluxlock.cosim.chip import BOARD_RESET_CYCLES
 from fluxlock.sources import sources_text
 from fluxverify.campaign.board import OSC_STOP_TO_OFF, STOP_TO_OFF
-from fluxverify.campaign.grid import DRIVES, FLOOD_S, LONG_START_S, LOOP_S, NODE_S, NOISE_SEED, RUN_S, SLOW_S, UPSET_S
+from fluxverify.campaign.faults import FLOOD_S, LONG_START_S, LOOP_S, NODE_S, NOISE_SEED
+from fluxverify.campaign.grid import DRIVES, RUN_S, SLOW_S, UPSET_S
 from fluxverify.campaign.judge import HALTED, RIDDEN, STOPPED, WRONG
 from fluxverify.campaign.master import COMMAND_TIMEOUT_MS
 

@@ -27,18 +27,11 @@ from fluxlock.cosim.run import IMAGE_FILE, chip_of, collect, image_of, prepare
 from fluxlock.cosim.upsets import read_upset_table
 from fluxlock.workers import shares, side_by_side
 from fluxverify.campaign.board import board_faults
-from fluxverify.campaign.grid import (
-    SAMPLE_PERIOD,
-    Drive,
-    Fault,
-    Moment,
-    actions_of,
-    parameter_upsets,
-    plant_faults,
-    upsets,
-)
+from fluxverify.campaign.faults import plant_faults
+from fluxverify.campaign.grid import Drive, Fault, Moment
 from fluxverify.campaign.judge import WRONG, judge
 from fluxverify.campaign.master import master_of, told_since
+from fluxverify.campaign.upsets import SAMPLE_PERIOD, actions_of, parameter_upsets, upsets
 
 FOLDER = BUILD / "campaign"
 ROW_FILE = "row.json"
