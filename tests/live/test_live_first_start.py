@@ -77,7 +77,9 @@ def test_step_by_step(tmp_path: Path) -> None:
             questions.append(question)
             with pytest.raises(RefusedError, match="goes by its steps"):
                 source.act(messages.Drive(kind="drive", do="start"))
-            source.answer(True)
+            source.answer(source.guide.asked - 1, True)  # a second click on the question before
+            assert source.status()["wizard"]["question"] == question
+            source.answer(source.guide.asked, True)
         assert questions == ["go on?"] * 3 + ["did the shaft turn the way that you want?", "go on?"]
         told = source.status()["wizard"]
         assert told["verdict"].startswith("ok: the machine is wired") and told["step"] == 4
@@ -88,7 +90,7 @@ def test_step_by_step(tmp_path: Path) -> None:
         assert np.nanmax(rows[NAMES.index("motor_a")]) < 1.5 * source.run.limit_a
         assert set(source.written()) == {"first-start.json", "motor.toml", "motor.png", "turns.png"}
         with pytest.raises(RefusedError, match="has ended"):
-            source.answer(True)
+            source.answer(source.guide.asked, True)
 
 
 def test_a_turn_that_is_stopped(tmp_path: Path) -> None:
@@ -99,9 +101,9 @@ def test_a_turn_that_is_stopped(tmp_path: Path) -> None:
     with begun(tmp_path) as source:
         for _ in range(3):
             assert asked(source) == "go on?"
-            source.answer(True)
+            source.answer(source.guide.asked, True)
         until(lambda: source.guide.state == "running")
-        source.answer(False)
+        source.answer(source.guide.asked, False)
         until(lambda: source.verdict)
         assert source.verdict == "failed: stopped by hand in the step first turn; the gates are off"
         assert "turns.png" in source.written()
@@ -114,7 +116,7 @@ def test_a_no_and_the_end_of_the_page(tmp_path: Path) -> None:
     """
     with begun(tmp_path / "no") as source:
         assert asked(source) == "go on?"
-        source.answer(False)
+        source.answer(source.guide.asked, False)
         until(lambda: source.verdict)
         assert source.verdict == "failed: stopped before the step wiring; the gates are off"
     with begun(tmp_path / "end") as source:

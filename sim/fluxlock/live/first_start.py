@@ -50,18 +50,20 @@ class PageGuide:
 
     def __init__(self) -> None:
         self.question, self.busy = "", ""  # what the page asks; what is going on
+        self.asked = 0  # questions until now: an answer names its own
         self.ended: dict[str, tuple[bool, str]] = {}
         self.step = 0  # from 1, 0: none has begun
         self.state, self.record = "ready", Record()
         self._answers: SimpleQueue[bool] = SimpleQueue()
         self._stopped = threading.Event()
 
-    def answer(self, yes: bool) -> None:
-        """The user's answer to the question that is asked. A no without a question ends the step under way."""
-        if self.question:
+    def answer(self, asked: int, yes: bool) -> None:
+        """The user's answer to a question; one to an older question is none. A no amid a step ends the step."""
+        if self.question and asked == self.asked:
             self.question = ""
             self._answers.put(yes)
-        elif not yes:
+        elif not self.question and not yes:
+            self.busy = "stops"
             self.stop()
 
     def stop(self) -> None:
@@ -80,6 +82,7 @@ class PageGuide:
     def ask(self, question: str) -> bool:
         """See `Guide`."""
         self._check()
+        self.asked += 1
         self.busy, self.question = "", question
         yes = self._answers.get()
         self._check()
@@ -90,6 +93,7 @@ class PageGuide:
         """See `Guide`."""
         self.busy = ""
         self.ended[step] = (passed, text)
+        self._check()
 
     @contextmanager
     def progress(self) -> Iterator[Progress]:
@@ -99,7 +103,8 @@ class PageGuide:
         def show(info: ProgressInfo) -> None:
             if threading.get_ident() == mine:
                 self._check()
-            self.busy = f"{info.phase}, {info.t_s:.2f} s, {info.speed_rpm:.0f} r/min"
+            end = "stops after the measurement: " if self._stopped.is_set() else ""
+            self.busy = f"{end}{info.phase}, {info.t_s:.2f} s, {info.speed_rpm:.0f} r/min"
 
         yield show
 
@@ -169,11 +174,11 @@ class FirstStartSource:
         """RefusedError."""
         raise RefusedError(ONLY_STEPS)
 
-    def answer(self, yes: bool) -> None:
-        """The user's; RefusedError after the end."""
+    def answer(self, asked: int, yes: bool) -> None:
+        """The user's to the question of this number; RefusedError after the end."""
         if self.verdict:
             raise RefusedError("the first start has ended; `Begin anew` begins another one")
-        self.guide.answer(yes)
+        self.guide.answer(asked, yes)
 
     def export(self, name: str) -> dict[str, str]:
         """RefusedError."""
@@ -218,6 +223,7 @@ class FirstStartSource:
                 "step": guide.step,
                 "ended": {step: list(what) for step, what in guide.ended.items()},
                 "question": guide.question,
+                "asked": guide.asked,
                 "busy": guide.busy,
                 "verdict": self.verdict,
             },

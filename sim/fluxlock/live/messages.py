@@ -111,9 +111,10 @@ class Bus(Message):
 
 
 class Answer(Message):
-    """To the question of a first start; a no where nothing is asked ends the step."""
+    """To the question of a first start with the number `asked`; a no where nothing is asked ends the step."""
 
     kind: Literal["answer"]
+    asked: int = Field(ge=0, le=1000)
     yes: bool
 
 

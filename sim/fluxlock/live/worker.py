@@ -101,7 +101,7 @@ class Worker:
             elif isinstance(order, messages.Answer):
                 if not isinstance(self.source, FirstStartSource):
                     raise RefusedError("nothing is asked: `fluxlock live SCENARIO --first-start` leads through steps")
-                self.source.answer(order.yes)
+                self.source.answer(order.asked, order.yes)
             else:
                 self.source.act(order)
         except RefusedError as error:

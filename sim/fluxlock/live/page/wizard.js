@@ -5,7 +5,9 @@
 
 // The steps of a first start: what each does at most, the question before it, what came of it, the plots at the end.
 
-/** @typedef {{step: number, ended: Record<string, [boolean, string]>, question: string, busy: string, verdict: string}} Steps */
+/** @typedef {{step: number, ended: Record<string, [boolean, string]>, question: string, asked: number, busy: string, verdict: string}} Steps */
+
+let asked = 0;  // number of the question that is shown
 
 /** The list, before anything has happened. @param {{steps: [string, string][], note: string}} wizard */
 function beginSteps(wizard) {
@@ -21,18 +23,19 @@ function beginSteps(wizard) {
 
 /** @param {Steps} told */
 function showSteps(told) {
+  asked = told.asked;
   [...at("steps").children].forEach((entry, k) => {
     const ended = told.ended[entry.firstChild.textContent];
     const now = k + 1 === told.step && !ended;
     entry.className = ended ? (ended[0] ? "passed" : "missed") : now ? "now" : "";
     entry.lastChild.textContent = ended ? ended[1] : now ? told.busy : "";
   });
-  const [asked, over] = [told.question !== "", told.verdict !== ""];
+  const [asking, over] = [told.question !== "", told.verdict !== ""];
   at("question").textContent = over ? told.verdict : told.question;
   at("question").className = over ? (told.verdict.startsWith("ok") ? "passed" : "missed") : "";
-  at("yes").hidden = !asked;
+  at("yes").hidden = !asking;
   at("no").hidden = over;
-  at("no").textContent = asked ? "No" : "Stop";
+  at("no").textContent = asking ? "No" : "Stop";
   at("anew").hidden = !over;
 }
 
@@ -46,7 +49,7 @@ function showPlots(names) {
 }
 
 function wireSteps() {
-  at("yes").onclick = () => send({ kind: "answer", yes: true });
-  at("no").onclick = () => send({ kind: "answer", yes: false });
+  at("yes").onclick = () => send({ kind: "answer", asked, yes: true });
+  at("no").onclick = () => send({ kind: "answer", asked, yes: false });
   at("anew").onclick = () => send({ kind: "restart" });
 }
