@@ -174,8 +174,11 @@ def test_a_board_is_led_by_its_node() -> None:
             assert status["values"]["balance"] == "both" and status["supply_v"] == pytest.approx(25.0, abs=0.5)
             _, rows = source.take()
             assert np.nanmax(rows[NAMES.index("motor_a")]) > 1.0
+            source.act(messages.Drive(kind="drive", do="reverse"))
+            shown_until(source, lambda status: abs(status["speed_rpm"] + 20_000) < 200)
             source.act(messages.Drive(kind="drive", do="stop"))
             shown_until(source, lambda status: status["state"] == "ready")
+            assert Board(BoardPlan(None, scenario, bus)).status()["target_rpm"] == -20_000
         finally:
             source.end()
 

@@ -119,6 +119,11 @@ def test_a_no_and_the_end_of_the_page(tmp_path: Path) -> None:
         source.answer(source.guide.asked, False)
         until(lambda: source.verdict)
         assert source.verdict == "failed: stopped before the step wiring; the gates are off"
+    with begun(tmp_path / "late") as source:
+        assert asked(source) == "go on?"
+        source.answer(0, False)  # a stop that was meant for what has ended meanwhile
+        until(lambda: source.verdict)
+        assert source.verdict == "failed: stopped by hand in the step wiring; the gates are off"
     with begun(tmp_path / "end") as source:
         assert asked(source) == "go on?"
     assert source.verdict == "failed: stopped by hand in the step wiring; the gates are off"

@@ -58,11 +58,11 @@ class PageGuide:
         self._stopped = threading.Event()
 
     def answer(self, asked: int, yes: bool) -> None:
-        """The user's answer to a question; one to an older question is none. A no amid a step ends the step."""
+        """The user's answer to a question; a yes to an older one is none, a no stops."""
         if self.question and asked == self.asked:
             self.question = ""
             self._answers.put(yes)
-        elif not self.question and not yes:
+        elif not yes:
             self.busy = "stops"
             self.stop()
 

@@ -54,7 +54,7 @@ class NodeConsole:
     def _setting(self, name: str) -> str:
         place, choices = self._places[name]
         value = self._objects.number(place)
-        return choices[value] if value < len(choices) else str(value)
+        return choices[value] if 0 <= value < len(choices) else str(value)
 
     def ask(self, line: str) -> list[str]:
         """Reply to `get`, `set NAME VALUE`, `start`, `stop`, `stop now`, `clear`."""
