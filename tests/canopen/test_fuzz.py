@@ -197,6 +197,7 @@ def test_noise_on_bus_and_console() -> None:
     Verifies: CO-16, FW-53
     """
     count, first, seed = (*map(int, NOISE), 0, random.SystemRandom().getrandbits(32))[:3]
+    assert count >= BLOCK, f"FLUXLOCK_NOISE is COUNT or COUNT,FIRST,SEED, and {BLOCK} at least"
     b = NodeBench(speed_rpm=20_000)
     b.enable()
     b.turn(RPM)

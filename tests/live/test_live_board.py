@@ -126,6 +126,7 @@ def test_a_silent_board_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     ("arguments", "text"),
     [
         ([SPINDLE, "--board", "my-none"], "--board: my-none: is not a serial port"),
+        ([SPINDLE, "--board", "/dev/null"], "--board: /dev/null: is not a serial port"),
         (["docs", "--board", "/dev/null"], "goes with the scenario"),
     ],
 )

@@ -188,9 +188,21 @@ def first_start_of(
     return FirstStartPlan(scenario, board, folder)
 
 
+def _is_terminal(port: Path) -> bool:
+    """What any serial port is, and /dev/null is not."""
+    try:
+        opened = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    except OSError:
+        return False
+    try:
+        return os.isatty(opened)
+    finally:
+        os.close(opened)
+
+
 def check_port(port: Path) -> None:
     """ConfigError for what is no serial port."""
-    if not os.access(port, os.R_OK | os.W_OK) or not port.is_char_device():
+    if not os.access(port, os.R_OK | os.W_OK) or not port.is_char_device() or not _is_terminal(port):
         text = "is not a serial port that you may read and write; `ls /dev/ttyUSB*` shows those that are there"
         raise ConfigError([Problem("--board", str(port), text)])
 
