@@ -26,7 +26,7 @@ from fluxlock.can.sdo import NodeError
 from fluxlock.cli import app
 from fluxlock.config import ConfigError, load_scenario
 from fluxlock.flash import board_console
-from fluxlock.live import messages
+from fluxlock.live import messages, node_console
 from fluxlock.live.board import Board, BoardPlan, core_load
 from fluxlock.live.source import RefusedError
 from fluxlock.live.traces import NAMES
@@ -209,3 +209,33 @@ def test_refused_on_a_bus(arguments: list[str], text: str) -> None:
     """
     result = CliRunner().invoke(app, ["live", *arguments])
     assert isinstance(result.exception, ConfigError) and text in str(result.exception)
+
+
+class Refusing:
+    """Objects of a node that refuses them from some time on, as one of another firmware would from the begin."""
+
+    def __init__(self) -> None:
+        self.refuses = False
+
+    def has(self, name: str) -> bool:
+        """All."""
+        return True
+
+    def number(self, name: str) -> int:
+        """Nothing, until it refuses."""
+        if self.refuses:
+            raise sdo.AbortedError(f"node 5 refuses {name}")
+        return 0
+
+
+def test_what_a_node_refuses_to_tell() -> None:
+    """It is no empty status: the source ends and says why.
+
+    Verifies: LIVE-11
+    """
+    objects = Refusing()
+    console = node_console.NodeConsole(objects, vector=False)  # type: ignore[arg-type]  # in the objects' place
+    assert "state init" in console.ask("get")
+    objects.refuses = True
+    with pytest.raises(NodeError, match="refuses"):
+        console.ask("get")

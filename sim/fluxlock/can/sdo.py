@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from fluxlock.canopen.dictionary import load_dictionary
 
@@ -31,10 +31,20 @@ class AbortedError(NodeError):
     """A node that answers and refuses."""
 
 
-class Objects:
-    """Of one node. sdo: the client of the package `canopen`."""
+class Client(Protocol):
+    """Of SDOs: `SdoClient` of the package `canopen`, with what it raises."""
 
-    def __init__(self, sdo: Any, node_id: int) -> None:  # noqa: ANN401 (its package has no types)
+    def upload(self, index: int, subindex: int) -> bytes:
+        """Read an object."""
+
+    def download(self, index: int, subindex: int, data: bytes) -> None:
+        """Write an object."""
+
+
+class Objects:
+    """Of one node."""
+
+    def __init__(self, sdo: Client, node_id: int) -> None:
         self._sdo, self._node_id = sdo, node_id
         self._entries = load_dictionary()
 

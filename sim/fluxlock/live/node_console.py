@@ -57,10 +57,10 @@ class NodeConsole:
         return choices[value] if 0 <= value < len(choices) else str(value)
 
     def ask(self, line: str) -> list[str]:
-        """Reply to `get`, `set NAME VALUE`, `start`, `stop`, `stop now`, `clear`."""
+        """Reply to `get`, `set NAME VALUE`, `start`, `stop`, `stop now`, `clear`; a refusal of `get` is raised."""
+        if line == "get":
+            return [*(f"{name} {value}" for name, value in self._get().items()), "ok"]
         try:
-            if line == "get":
-                return [*(f"{name} {value}" for name, value in self._get().items()), "ok"]
             self._order(line.split())
         except AbortedError as error:
             return [f"error: {error}"]
