@@ -32,7 +32,7 @@ class Work:
     ticks: int = 1
 
 
-# Both windows open, unequal phases learnt, braking by the switches; caught, so that no time goes into a start.
+# Unequal phases learnt, braking by the switches; caught, so that no time goes into a start.
 SIX_STEP = Work("six-step", "spinning.toml", ("drive.sync_rect=true", 'drive.zcd.balance="both"', "duration_s=0.06"))
 STARTED = (event(0.002, "speed_rpm", 24_000), event(0.003, "command", "start"))
 VECTOR = Work("vector", "vector/start.toml", ("initial.speed_rpm=20_000", *timeline(0.12, STARTED, ())))
